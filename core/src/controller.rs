@@ -1,0 +1,482 @@
+//! The corridor: one control step from encoder count to current command.
+//!
+//! `Controller` owns the coefficients ([`Gains`]) and the state of every room; the firmware's
+//! interrupt and the simulation both call [`Controller::step`] once per period and nothing else
+//! between two steps but [`Controller::request`].
+//!
+//! The command is `i = i_ff − K (x_hat − x_ref) + d / k_f`, limited; a value that is not finite
+//! anywhere ends in a fault and zero current.
+
+use crate::disturbance::{self, ForceObservers};
+use crate::encoder::{self, Encoder};
+use crate::gains::{Gains, GainsError};
+use crate::limits::Limits;
+use crate::observer::{self, ActuatorMotion, Observer};
+use crate::reference::{self, Generator};
+use crate::regulator::Regulator;
+use crate::supervisor::{Fault, State, Supervisor};
+use crate::telemetry::Telemetry;
+use crate::units::{Counts, Current, Position};
+
+/// What the drive measures once per period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measurement {
+    /// Encoder counter.
+    pub count: Counts,
+    /// Current that was applied over the period that ends now, as the output really made it.
+    pub current: Current,
+}
+
+/// What the drive has to do over the next period.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Command {
+    /// Current to apply, within the limit and a whole number of the output's steps.
+    pub current: Current,
+    /// Whether the amplifier is to be enabled.
+    pub enable: bool,
+    /// Whether the current limit acted.
+    pub limited: bool,
+}
+
+/// What can be asked of the drive. A request takes effect with the next step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Request {
+    /// Close the loop where the actuator stands; idle drives only.
+    Start,
+    /// Open the loop; acknowledges a fault.
+    Stop,
+    /// Put the reference there at once; running drives only.
+    Step(Position),
+    /// Move the reference there within the limits of motion, after the move under way if there
+    /// is one; running drives only.
+    Move(Position),
+}
+
+/// The control corridor of a drive with `N` load masses and an observer of `S` states.
+#[derive(Clone, Debug)]
+pub struct Controller<const N: usize, const S: usize> {
+    encoder: Encoder,
+    forces: ForceObservers,
+    observer: Observer<N, S>,
+    regulator: Regulator<N>,
+    limits: Limits,
+    generator: Generator,
+    /// `1 / k_f`, A/N.
+    current_per_force: f32,
+    memory: Memory<N, S>,
+}
+
+/// All that changes from step to step.
+#[derive(Clone, Debug)]
+struct Memory<const N: usize, const S: usize> {
+    supervisor: Supervisor,
+    encoder: encoder::State,
+    forces: disturbance::State,
+    observer: observer::State<S>,
+    reference: reference::State,
+    /// The next step initialises the observers at the measured position.
+    starting: bool,
+    pending: Option<Request>,
+    telemetry: Telemetry<N>,
+}
+
+impl<const N: usize, const S: usize> Controller<N, S> {
+    /// An idle controller.
+    ///
+    /// # Errors
+    /// When the gains cannot be run, see [`Gains::check`].
+    pub fn new(gains: &Gains<N, S>) -> Result<Self, GainsError> {
+        gains.check()?;
+        let force_constant = gains.actuator.actual_force_constant();
+        let observer = Observer::new(&gains.observer, gains.sample_time);
+        Ok(Self {
+            encoder: Encoder::new(gains.encoder.resolution, gains.encoder.counter_bits),
+            forces: ForceObservers::new(
+                gains.actuator,
+                gains.disturbance_cutoff,
+                gains.reaction_force_cutoff,
+                gains.sample_time,
+            ),
+            regulator: gains.regulator,
+            limits: gains.limits,
+            generator: Generator::new(gains.motion, force_constant, gains.sample_time),
+            current_per_force: 1.0 / force_constant,
+            memory: Memory {
+                supervisor: Supervisor::default(),
+                encoder: encoder::State::default(),
+                forces: disturbance::State::default(),
+                observer: observer.at_rest(Position(0.0)),
+                reference: reference::State::default(),
+                starting: false,
+                pending: None,
+                telemetry: Telemetry::default(),
+            },
+            observer,
+        })
+    }
+
+    /// Asks something of the drive; what the present state does not allow is ignored.
+    pub fn request(&mut self, request: Request) {
+        let memory = &mut self.memory;
+        match request {
+            Request::Start => {
+                if memory.supervisor.start() {
+                    memory.starting = true;
+                    memory.pending = None;
+                }
+            }
+            Request::Stop => {
+                memory.supervisor.stop();
+                memory.pending = None;
+            }
+            Request::Step(_) | Request::Move(_) => {
+                if memory.supervisor.state() == State::Running {
+                    memory.pending = Some(request);
+                }
+            }
+        }
+    }
+
+    /// The present state.
+    #[must_use]
+    pub fn state(&self) -> State {
+        self.memory.supervisor.state()
+    }
+
+    /// Record of the last step.
+    #[must_use]
+    pub fn telemetry(&self) -> &Telemetry<N> {
+        &self.memory.telemetry
+    }
+
+    /// One control period: the whole corridor.
+    ///
+    /// The same path is taken in every running period; its cost does not depend on the values,
+    /// apart from the one period in which a move is planned (two square roots and a cube root
+    /// more). Idle and faulted drives get zero current and a disabled amplifier.
+    pub fn step(&mut self, measurement: Measurement) -> Command {
+        let memory = &mut self.memory;
+        let reading = self.encoder.step(&mut memory.encoder, measurement.count);
+        memory.telemetry.step = memory.telemetry.step.wrapping_add(1);
+        memory.telemetry.count = measurement.count.0;
+        memory.telemetry.position = reading.position.0;
+
+        let command = if memory.supervisor.state() == State::Running {
+            match self.run(measurement, reading) {
+                Ok(command) => command,
+                Err(fault) => {
+                    self.memory.supervisor.trip(fault);
+                    Command::default()
+                }
+            }
+        } else {
+            Command::default()
+        };
+
+        let telemetry = &mut self.memory.telemetry;
+        telemetry.state = self.memory.supervisor.state();
+        telemetry.command = command.current.0;
+        telemetry.limited = command.limited;
+        if measurement.current.0.is_finite() {
+            telemetry.applied_current = measurement.current.0;
+        }
+        command
+    }
+
+    fn run(
+        &mut self,
+        measurement: Measurement,
+        reading: encoder::Reading,
+    ) -> Result<Command, Fault> {
+        let memory = &mut self.memory;
+        let mut displacement = reading.displacement;
+        let mut current = measurement.current;
+        if memory.starting {
+            memory.starting = false;
+            memory.forces = disturbance::State::default();
+            memory.observer = self.observer.at_rest(reading.position);
+            self.generator
+                .step_to(&mut memory.reference, reading.position);
+            // What was before the start is not the observers' to know.
+            displacement = 0.0;
+            current = Current(0.0);
+        } else if reading.jump {
+            return Err(Fault::EncoderJump);
+        }
+        if !current.0.is_finite() {
+            return Err(Fault::NonFinite);
+        }
+        // Half a step of the output for its rounding.
+        if current.0.abs() > self.limits.current_limit + self.limits.current_resolution {
+            return Err(Fault::AppliedCurrent);
+        }
+
+        let forces = self.forces.step(&mut memory.forces, displacement, current);
+        let actuator = ActuatorMotion {
+            position: reading.position,
+            displacement,
+            velocity: forces.velocity,
+        };
+        let estimate = self.observer.step(
+            &mut memory.observer,
+            actuator,
+            current,
+            forces.reaction_force,
+        );
+
+        match memory.pending {
+            Some(Request::Step(position)) => {
+                if !position.0.is_finite() {
+                    return Err(Fault::Target);
+                }
+                self.generator.step_to(&mut memory.reference, position);
+                memory.pending = None;
+            }
+            Some(Request::Move(position)) if !self.generator.moving(&memory.reference) => {
+                if !self.generator.move_to(&mut memory.reference, position) {
+                    return Err(Fault::Target);
+                }
+                memory.pending = None;
+            }
+            _ => {}
+        }
+        let setpoint = self.generator.step(&mut memory.reference);
+
+        let feedback = self
+            .regulator
+            .step(&estimate, setpoint.position, setpoint.velocity);
+        let current =
+            setpoint.feed_forward.0 + feedback.0 + estimate.disturbance.0 * self.current_per_force;
+        let limited = self.limits.step(Current(current)).ok_or(Fault::NonFinite)?;
+
+        let telemetry = &mut memory.telemetry;
+        telemetry.reference = setpoint.position.0;
+        telemetry.velocity = estimate.velocity.0;
+        telemetry.disturbance = forces.disturbance.0;
+        telemetry.reaction_force = forces.reaction_force.0;
+        telemetry.disturbance_state = estimate.disturbance.0;
+        telemetry.load_velocity = estimate.load_velocity;
+        for (position, deflection) in telemetry.load_position.iter_mut().zip(&estimate.deflection) {
+            *position = estimate.position.0 + deflection;
+        }
+        Ok(Command {
+            current: limited.current,
+            enable: true,
+            limited: limited.limited,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::disturbance::Actuator;
+    use crate::gains::{EncoderGains, ObserverGains};
+    use crate::observer::Form;
+    use crate::reference::MotionLimits;
+    use crate::regulator::MassGain;
+    use proptest::prelude::*;
+
+    /// One load that follows the actuator rigidly, no correction: PD control on the encoder.
+    fn gains() -> Gains<1, 5> {
+        Gains {
+            sample_time: 1e-3,
+            encoder: EncoderGains {
+                resolution: 1e-6,
+                counter_bits: 16,
+            },
+            actuator: Actuator {
+                mass: 0.059,
+                force_constant: 6.43,
+                mass_deviation: 0.0,
+                force_constant_deviation: 0.0,
+            },
+            disturbance_cutoff: 628.0,
+            reaction_force_cutoff: 628.0,
+            observer: ObserverGains {
+                form: Form::Anchored,
+                transition: [[0.0; 5]; 5],
+                input: [0.0, 1.0, 0.0, 0.0, 0.0],
+                output: [0.0, 0.0, 0.0, 1.0, 0.0],
+                correction: [0.0; 5],
+            },
+            regulator: Regulator {
+                actuator: MassGain {
+                    position: 30.0,
+                    velocity: 1.0,
+                },
+                loads: [MassGain {
+                    position: 0.0,
+                    velocity: 0.0,
+                }],
+            },
+            limits: Limits {
+                current_limit: 2.0,
+                current_resolution: 1e-3,
+            },
+            motion: MotionLimits {
+                velocity: 0.5,
+                acceleration: 20.0,
+                jerk: 1000.0,
+                total_mass: 0.116,
+            },
+        }
+    }
+
+    fn measured(count: u32, current: f32) -> Measurement {
+        Measurement {
+            count: Counts(count),
+            current: Current(current),
+        }
+    }
+
+    fn running() -> Controller<1, 5> {
+        let mut controller = Controller::new(&gains()).unwrap();
+        controller.request(Request::Start);
+        controller
+    }
+
+    #[test]
+    fn an_idle_drive_gives_no_current_and_follows_the_encoder() {
+        let mut controller = Controller::new(&gains()).unwrap();
+        controller.request(Request::Step(Position(0.03)));
+        assert_eq!(controller.step(measured(100, 0.0)), Command::default());
+        assert_eq!(controller.step(measured(350, 0.0)), Command::default());
+        assert!((controller.telemetry().position - 350e-6).abs() < 1e-9);
+    }
+
+    #[test]
+    fn starting_holds_the_position_and_a_step_commands_the_gain() {
+        let mut controller = running();
+        let command = controller.step(measured(0xFFFF, 0.0));
+        assert_eq!((command.current.0, command.enable), (0.0, true));
+        controller.request(Request::Step(Position(0.02)));
+        let command = controller.step(measured(0xFFFF, 0.0));
+        assert!((command.current.0 - 0.6).abs() < 1e-6);
+        controller.request(Request::Step(Position(1.0)));
+        let command = controller.step(measured(0xFFFF, 0.6));
+        assert_eq!((command.current.0, command.limited), (2.0, true));
+    }
+
+    #[test]
+    fn faults_stop_in_the_same_period_and_stay() {
+        for (count, current, fault) in [
+            (30_000, 0.0, Fault::EncoderJump),
+            (0, f32::NAN, Fault::NonFinite),
+            (0, f32::INFINITY, Fault::NonFinite),
+            (0, 2.5, Fault::AppliedCurrent),
+        ] {
+            let mut controller = running();
+            controller.step(measured(0, 0.0));
+            assert_eq!(
+                controller.step(measured(count, current)),
+                Command::default()
+            );
+            assert_eq!(controller.state(), State::Fault(fault));
+            controller.request(Request::Start);
+            controller.request(Request::Step(Position(0.01)));
+            assert_eq!(controller.step(measured(count, 0.0)), Command::default());
+            controller.request(Request::Stop);
+            controller.request(Request::Start);
+            assert!(controller.step(measured(count, 0.0)).enable);
+        }
+    }
+
+    #[test]
+    fn targets_that_are_not_finite_are_faults() {
+        for request in [
+            Request::Step(Position(f32::NAN)),
+            Request::Move(Position(f32::NAN)),
+            Request::Move(Position(f32::INFINITY)),
+        ] {
+            let mut controller = running();
+            controller.request(request);
+            assert_eq!(controller.step(measured(0, 0.0)), Command::default());
+            assert_eq!(controller.state(), State::Fault(Fault::Target));
+        }
+    }
+
+    #[test]
+    fn a_move_waits_for_the_one_under_way() {
+        let mut controller = running();
+        controller.request(Request::Move(Position(0.01)));
+        controller.step(measured(0, 0.0));
+        controller.request(Request::Move(Position(-0.01)));
+        let mut highest = 0.0_f32;
+        for _ in 0..400 {
+            // The simulated actuator follows its reference.
+            let reference = controller.telemetry().reference;
+            let count = (reference * 1e6) as i32;
+            controller.step(measured(count as u32 & 0xFFFF, 0.0));
+            highest = highest.max(reference);
+        }
+        assert_eq!(highest, 0.01);
+        assert_eq!(controller.telemetry().reference, -0.01);
+    }
+
+    #[test]
+    fn gains_that_cannot_be_run_are_refused() {
+        let refused = |change: fn(&mut Gains<1, 5>)| {
+            let mut gains = gains();
+            change(&mut gains);
+            Controller::new(&gains).err()
+        };
+        assert_eq!(refused(|_| ()), None);
+        assert_eq!(
+            refused(|g| g.sample_time = 0.0),
+            Some(GainsError::NotPositive("sample_time"))
+        );
+        assert_eq!(
+            refused(|g| g.encoder.counter_bits = 1),
+            Some(GainsError::CounterBits)
+        );
+        assert_eq!(
+            refused(|g| g.observer.form = Form::Reaction),
+            Some(GainsError::ObserverStates)
+        );
+        assert_eq!(
+            refused(|g| g.actuator.mass_deviation = -0.06),
+            Some(GainsError::Deviation)
+        );
+        assert_eq!(
+            refused(|g| g.observer.transition[2][3] = f32::NAN),
+            Some(GainsError::NotFinite("observer.transition"))
+        );
+        assert_eq!(
+            refused(|g| g.limits.current_resolution = -1.0),
+            Some(GainsError::Negative("limits.current_resolution"))
+        );
+    }
+
+    proptest! {
+        /// Whatever is measured and asked: the command is finite, within the limit, and zero
+        /// unless the drive runs.
+        #[test]
+        fn every_command_is_safe(
+            inputs in prop::collection::vec((any::<u32>(), any::<f32>(), 0..20_u8, any::<f32>()), 1..200),
+        ) {
+            let mut controller = running();
+            for (count, current, action, position) in inputs {
+                match action {
+                    0 => controller.request(Request::Start),
+                    1 => controller.request(Request::Stop),
+                    2 => controller.request(Request::Step(Position(position))),
+                    3 => controller.request(Request::Move(Position(position))),
+                    _ => {}
+                }
+                // Plausible measurements mostly, so that the drive keeps running for a while.
+                let measurement = if action > 5 {
+                    measured(count % 2000, (current % 2.0) * 0.5)
+                } else {
+                    measured(count, current)
+                };
+                let command = controller.step(measurement);
+                prop_assert!(command.current.0.abs() <= 2.0);
+                prop_assert_eq!(command.enable, controller.state() == State::Running);
+                prop_assert!(command.enable || command.current.0 == 0.0);
+                let record = controller.telemetry();
+                prop_assert!(record.command.is_finite() && record.applied_current.is_finite());
+            }
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Encoder: wrapping counts to position.
+//!
+//! The counter of the hardware is 2 to 32 bits wide and wraps. Each reading is compared with
+//! the one before, modulo the width, and the difference is added to a 64-bit total: neither
+//! wrapping nor distance from the origin costs accuracy. The first reading is taken as a signed
+//! number, so that a drive started left of the index is at a negative position.
+
+use crate::units::{Counts, Position};
+
+/// Configuration of the encoder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Encoder {
+    resolution: f32,
+    counter_bits: u32,
+}
+
+/// What has been counted so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct State {
+    last: u32,
+    total: i64,
+    started: bool,
+}
+
+/// What one reading says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Position of the actuator, m.
+    pub position: Position,
+    /// Distance since the reading before, m; zero for the first.
+    pub displacement: f32,
+    /// Whether the counter moved by more than a quarter of its range since the reading before,
+    /// so that its direction is no longer certain.
+    pub jump: bool,
+}
+
+impl Encoder {
+    /// * `resolution`: distance per count after x4 decoding, m
+    /// * `counter_bits`: width of the counter, clamped to 2..=32
+    #[must_use]
+    pub fn new(resolution: f32, counter_bits: u32) -> Self {
+        Self {
+            resolution,
+            counter_bits: counter_bits.clamp(2, 32),
+        }
+    }
+
+    /// One reading.
+    pub fn step(&self, state: &mut State, count: Counts) -> Reading {
+        let difference = if state.started {
+            self.signed(count.0.wrapping_sub(state.last))
+        } else {
+            0
+        };
+        if state.started {
+            state.total = state.total.wrapping_add(i64::from(difference));
+        } else {
+            state.total = i64::from(self.signed(count.0));
+            state.started = true;
+        }
+        state.last = count.0;
+        Reading {
+            position: Position(state.total as f32 * self.resolution),
+            displacement: difference as f32 * self.resolution,
+            jump: difference.unsigned_abs() > 1 << (self.counter_bits - 2),
+        }
+    }
+
+    /// The lowest `counter_bits` of a number as two's complement.
+    fn signed(self, number: u32) -> i32 {
+        let unused = 32 - self.counter_bits;
+        ((number << unused) as i32) >> unused
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn first_reading_is_signed() {
+        for (bits, raw, expected) in [
+            (16, 0_u32, 0.0),
+            (16, 2000, 2000.0),
+            (16, 0xFFFF, -1.0),
+            (16, 0x8000, -32768.0),
+            (32, 0xFFFF_FFFE, -2.0),
+        ] {
+            let encoder = Encoder::new(1.0, bits);
+            let reading = encoder.step(&mut State::default(), Counts(raw));
+            assert_eq!(reading.position.0, expected);
+            assert_eq!(reading.displacement, 0.0);
+            assert!(!reading.jump);
+        }
+    }
+
+    #[test]
+    fn a_jump_beyond_a_quarter_of_the_range_is_flagged() {
+        for (step, jump) in [
+            (16384_u32, false),
+            (16385, true),
+            (49151, true),
+            (49152, false),
+        ] {
+            let encoder = Encoder::new(1e-6, 16);
+            let mut state = State::default();
+            encoder.step(&mut state, Counts(0));
+            assert_eq!(encoder.step(&mut state, Counts(step)).jump, jump, "{step}");
+        }
+    }
+
+    proptest! {
+        /// Any path of steps below half the range is followed exactly, however often it wraps.
+        #[test]
+        fn wrapping_is_invisible(
+            bits in prop::sample::select(&[16_u32, 24, 32]),
+            start in -1000_i64..1000,
+            steps in prop::collection::vec(-30_000_i64..30_000, 1..200),
+        ) {
+            let encoder = Encoder::new(1.0, bits);
+            let mut state = State::default();
+            let modulus = 1_i64 << bits;
+            let mut truth = start;
+            encoder.step(&mut state, Counts(truth.rem_euclid(modulus) as u32));
+            for step in steps {
+                truth += step;
+                let reading = encoder.step(&mut state, Counts(truth.rem_euclid(modulus) as u32));
+                prop_assert_eq!(reading.position.0, truth as f32);
+                prop_assert_eq!(reading.displacement, step as f32);
+            }
+        }
+
+        /// Bits above the counter's width are ignored and nothing overflows.
+        #[test]
+        fn any_reading_is_taken(bits in 0_u32..40, raw in prop::collection::vec(any::<u32>(), 1..50)) {
+            let encoder = Encoder::new(1e-6, bits);
+            let mut state = State::default();
+            for count in raw {
+                let reading = encoder.step(&mut state, Counts(count));
+                prop_assert!(reading.position.0.is_finite() && reading.displacement.is_finite());
+            }
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Limiting of the command to what the amplifier takes.
+//!
+//! The command is clamped to the current limit and rounded to the step of the current output,
+//! and what comes out here is what is applied: the observers are fed with it in the next period,
+//! so saturation does not wind anything up. Their innovation itself is never clamped.
+
+use crate::units::Current;
+
+/// What the current output can do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Largest magnitude of the current, A.
+    pub current_limit: f32,
+    /// Step of the current output, A; zero for a continuous one.
+    pub current_resolution: f32,
+}
+
+/// A command that can be applied.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limited {
+    /// The current to apply.
+    pub current: Current,
+    /// Whether the limit acted.
+    pub limited: bool,
+}
+
+impl Limits {
+    /// Clamps and rounds, halves away from zero; the result never exceeds the limit. `None`
+    /// when the command is not finite.
+    #[must_use]
+    pub fn step(&self, command: Current) -> Option<Limited> {
+        if !command.0.is_finite() {
+            return None;
+        }
+        let clamped = command.0.clamp(-self.current_limit, self.current_limit);
+        let current = if self.current_resolution > 0.0 {
+            // A few rounding errors wide, so that a limit of 2 A is 2000 steps of 1 mA.
+            let steps = self.current_limit / self.current_resolution * (1.0 + 4.0 * f32::EPSILON);
+            let largest = libm::floorf(steps);
+            let rounded = libm::roundf(clamped / self.current_resolution);
+            rounded.clamp(-largest, largest) * self.current_resolution
+        } else {
+            clamped
+        };
+        Some(Limited {
+            current: Current(current),
+            limited: command.0.abs() > self.current_limit,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const LIMITS: Limits = Limits {
+        current_limit: 2.0,
+        current_resolution: 1e-3,
+    };
+
+    #[test]
+    fn rounds_half_away_from_zero_and_keeps_the_limit() {
+        let limits = Limits {
+            current_limit: 2.0,
+            current_resolution: 0.25,
+        };
+        for (command, current, limited) in [
+            (0.1, 0.0, false),
+            (0.125, 0.25, false),
+            (-0.125, -0.25, false),
+            (1.99, 2.0, false),
+            (2.3, 2.0, true),
+            (-9.0, -2.0, true),
+        ] {
+            let result = limits.step(Current(command)).unwrap();
+            assert_eq!(
+                (result.current.0, result.limited),
+                (current, limited),
+                "{command}"
+            );
+        }
+        // A limit that is no whole number of steps is kept from below.
+        let uneven = Limits {
+            current_limit: 0.9,
+            current_resolution: 0.4,
+        };
+        assert_eq!(uneven.step(Current(5.0)).unwrap().current.0, 0.8);
+        assert_eq!(LIMITS.step(Current(5.0)).unwrap().current.0, 2.0);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_refused() {
+        for command in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert_eq!(LIMITS.step(Current(command)), None);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_finite_command_is_within_the_limit_and_half_a_step(
+            command in prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
+        ) {
+            let limited = LIMITS.step(Current(command)).unwrap();
+            prop_assert!(limited.current.0.abs() <= LIMITS.current_limit);
+            prop_assert_eq!(limited.limited, command.abs() > LIMITS.current_limit);
+            let clamped = command.clamp(-2.0, 2.0);
+            // Half a step and the rounding of a number up to 2.
+            prop_assert!((limited.current.0 - clamped).abs() <= 0.5e-3 + 2.0 * f32::EPSILON);
+        }
+    }
+}

@@ -1,0 +1,344 @@
+//! References: where every mass ought to be, and the current that takes it there.
+//!
+//! * A *step* moves the reference at once, as in the paper's experiments.
+//! * A *move* is a symmetric jerk-limited profile (seven phases at most): jerk, constant
+//!   acceleration, jerk, constant velocity, and the same backwards. The durations of the phases
+//!   are whole control periods, rounded up, and the jerk is then set so that the distance is
+//!   exact; rounding up keeps velocity, acceleration and jerk within their limits. With the
+//!   durations `T_j, T_a, T_v` and the jerk `j`:
+//!
+//! ```text
+//! peak velocity v = j T_j (T_j + T_a)        distance = v (2 T_j + T_a + T_v)
+//! ```
+//!
+//! All masses follow the same rigid motion; the feed-forward current is what accelerates their
+//! sum, `i_ff = M (v_{k+1} − v_k) / (T k_f)`: held over the period it gives the next velocity exactly.
+
+use crate::units::{Current, Position, Velocity};
+
+/// Limits of a jerk-limited move; read `rad` for `m` on a rotary drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionLimits {
+    /// m/s
+    pub velocity: f32,
+    /// m/s²
+    pub acceleration: f32,
+    /// m/s³
+    pub jerk: f32,
+    /// Mass that the feed-forward accelerates: actuator and all loads, kg.
+    pub total_mass: f32,
+}
+
+/// The longest half of a move, in periods: up to here `f32` counts them exactly.
+const LONGEST: f32 = 8_388_608.0;
+
+/// Where the reference is in one period.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Setpoint {
+    /// Position of every mass, m.
+    pub position: Position,
+    /// Velocity of every mass, m/s.
+    pub velocity: Velocity,
+    /// Feed-forward current `i_ff`, A.
+    pub feed_forward: Current,
+}
+
+/// Configuration of the reference generator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Generator {
+    limits: MotionLimits,
+    sample_time: f32,
+    /// `M / (T k_f)`, A s/m.
+    current_per_velocity: f32,
+}
+
+/// What the generator is following.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct State {
+    origin: f32,
+    profile: Option<Profile>,
+    tick: u32,
+}
+
+/// A planned move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Profile {
+    distance: f32,
+    jerk: f32,
+    /// Durations of the phases, in periods.
+    jerk_ticks: u32,
+    acceleration_ticks: u32,
+    velocity_ticks: u32,
+}
+
+impl Generator {
+    /// * `limits`: of the moves
+    /// * `force_constant`: `k_f`, N/A
+    /// * `sample_time`: s
+    #[must_use]
+    pub fn new(limits: MotionLimits, force_constant: f32, sample_time: f32) -> Self {
+        Self {
+            limits,
+            sample_time,
+            current_per_velocity: limits.total_mass / (sample_time * force_constant),
+        }
+    }
+
+    /// Puts the reference at a position, at once.
+    pub fn step_to(&self, state: &mut State, position: Position) {
+        *state = State {
+            origin: position.0,
+            ..State::default()
+        };
+    }
+
+    /// Plans a move from the resting reference to a position; `false` when the move would not
+    /// be finite or would take longer than can be counted.
+    pub fn move_to(&self, state: &mut State, position: Position) -> bool {
+        let distance = position.0 - state.origin;
+        if distance == 0.0 {
+            return true;
+        }
+        let profile = self.plan(distance);
+        if profile.is_some() {
+            state.profile = profile;
+            state.tick = 0;
+        }
+        profile.is_some()
+    }
+
+    /// Whether a move is under way.
+    #[must_use]
+    pub fn moving(&self, state: &State) -> bool {
+        state.profile.is_some()
+    }
+
+    /// The set-point of this period; the next call gives that of the next.
+    pub fn step(&self, state: &mut State) -> Setpoint {
+        let Some(profile) = state.profile else {
+            return Setpoint {
+                position: Position(state.origin),
+                ..Setpoint::default()
+            };
+        };
+        let (position, velocity) = profile.at(state.tick, self.sample_time);
+        let (_, next) = profile.at(state.tick + 1, self.sample_time);
+        let setpoint = Setpoint {
+            position: Position(state.origin + position),
+            velocity: Velocity(velocity),
+            feed_forward: Current((next - velocity) * self.current_per_velocity),
+        };
+        state.tick += 1;
+        if state.tick >= profile.ticks() {
+            state.origin += profile.distance;
+            state.profile = None;
+        }
+        setpoint
+    }
+
+    fn plan(&self, distance: f32) -> Option<Profile> {
+        let MotionLimits {
+            velocity,
+            acceleration,
+            jerk,
+            ..
+        } = self.limits;
+        let length = distance.abs();
+
+        // Time optimum without rounding: the jerk phase ends at the first of the limits of
+        // acceleration, velocity and distance.
+        let jerk_time = (acceleration / jerk)
+            .min(libm::sqrtf(velocity / jerk))
+            .min(libm::powf(length / (2.0 * jerk), 1.0 / 3.0));
+        // Jerk phase and constant acceleration together, from a (T_j + T_a)(2 T_j + T_a) = D.
+        let by_distance =
+            0.5 * (libm::sqrtf(jerk_time * jerk_time + 4.0 * length / acceleration) - jerk_time);
+        let acceleration_time = (velocity / acceleration).min(by_distance) - jerk_time;
+        let peak_velocity = jerk * jerk_time * (jerk_time + acceleration_time.max(0.0));
+        let velocity_time = length / peak_velocity - (2.0 * jerk_time + acceleration_time.max(0.0));
+
+        let ticks = |time: f32| {
+            // What is less than a thousandth of a period above is rounding.
+            let ticks = libm::ceilf(time.max(0.0) / self.sample_time - 1e-3);
+            (ticks <= LONGEST).then_some(ticks.max(0.0))
+        };
+        let t_j = ticks(jerk_time)?.max(1.0);
+        let t_a = ticks(acceleration_time)?;
+        let t_v = ticks(velocity_time)?;
+        if 2.0 * (2.0 * t_j + t_a) + t_v > LONGEST {
+            return None;
+        }
+        let t = self.sample_time;
+        let jerk = distance / (t_j * t * ((t_j + t_a) * t) * ((2.0 * t_j + t_a + t_v) * t));
+        jerk.is_finite().then_some(Profile {
+            distance,
+            jerk,
+            jerk_ticks: t_j as u32,
+            acceleration_ticks: t_a as u32,
+            velocity_ticks: t_v as u32,
+        })
+    }
+}
+
+impl Profile {
+    fn ticks(&self) -> u32 {
+        2 * (2 * self.jerk_ticks + self.acceleration_ticks) + self.velocity_ticks
+    }
+
+    /// Position from the start and velocity after `tick` periods. The second half is the first
+    /// one backwards, so that both ends are exact.
+    fn at(&self, tick: u32, sample_time: f32) -> (f32, f32) {
+        let ticks = self.ticks();
+        let tick = tick.min(ticks);
+        if 2 * tick > ticks {
+            let (position, velocity) = self.first_half(ticks - tick, sample_time);
+            (self.distance - position, velocity)
+        } else {
+            self.first_half(tick, sample_time)
+        }
+    }
+
+    fn first_half(&self, tick: u32, sample_time: f32) -> (f32, f32) {
+        let (mut position, mut velocity, mut acceleration) = (0.0_f32, 0.0_f32, 0.0_f32);
+        let mut left = tick;
+        for (duration, jerk) in [
+            (self.jerk_ticks, self.jerk),
+            (self.acceleration_ticks, 0.0),
+            (self.jerk_ticks, -self.jerk),
+            (self.velocity_ticks, 0.0),
+        ] {
+            let ticks = left.min(duration);
+            let t = ticks as f32 * sample_time;
+            position += t * (velocity + t * (acceleration / 2.0 + t * jerk / 6.0));
+            velocity += t * (acceleration + t * jerk / 2.0);
+            acceleration += t * jerk;
+            left -= ticks;
+        }
+        (position, velocity)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use proptest::prelude::*;
+    use std::vec::Vec;
+
+    const T: f32 = 1e-3;
+    const LIMITS: MotionLimits = MotionLimits {
+        velocity: 0.5,
+        acceleration: 20.0,
+        jerk: 1000.0,
+        total_mass: 0.116,
+    };
+
+    fn positions(limits: MotionLimits, distance: f32) -> Vec<Setpoint> {
+        let generator = Generator::new(limits, 6.43, T);
+        let mut state = State::default();
+        assert!(generator.move_to(&mut state, Position(distance)));
+        let mut path = Vec::new();
+        while generator.moving(&state) {
+            path.push(generator.step(&mut state));
+        }
+        path.push(generator.step(&mut state));
+        path
+    }
+
+    /// 1 m at 0.5 m/s, 20 m/s², 1000 m/s³: jerk for 20 ms, acceleration for 5 ms, velocity for 1.955 s.
+    #[test]
+    fn a_long_move_reaches_its_velocity_limit() {
+        let path = positions(LIMITS, 1.0);
+        assert_eq!(path.len() - 1, 2 * (2 * 20 + 5) + 1955);
+        let peak = path.iter().map(|s| s.velocity.0).fold(0.0, f32::max);
+        assert!((peak - 0.5).abs() < 1e-5);
+        assert_eq!(path.last().unwrap().position.0, 1.0);
+    }
+
+    /// The feed-forward current is the total mass times the exact acceleration, so that the
+    /// rigid drive driven by it follows the reference.
+    #[test]
+    fn feed_forward_moves_a_rigid_drive_along_the_reference() {
+        let path = positions(LIMITS, 0.03);
+        let (mut x, mut v) = (0.0_f64, 0.0_f64);
+        for setpoint in &path {
+            // Between samples the acceleration is held: position lags by up to j T² T_j / 12.
+            assert!(
+                (x - f64::from(setpoint.position.0)).abs() < 1000.0 * 1e-6 * 0.02 / 12.0 + 2e-7
+            );
+            assert!((v - f64::from(setpoint.velocity.0)).abs() < 1e-6);
+            let a = f64::from(setpoint.feed_forward.0) * 6.43 / 0.116;
+            x += v * 1e-3 + 0.5 * a * 1e-6;
+            v += a * 1e-3;
+        }
+        assert!((x - 0.03).abs() < 2e-7 && v.abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_step_is_immediate_and_cancels_a_move() {
+        let generator = Generator::new(LIMITS, 6.43, T);
+        let mut state = State::default();
+        assert!(generator.move_to(&mut state, Position(0.03)));
+        generator.step(&mut state);
+        generator.step_to(&mut state, Position(-0.5));
+        assert!(!generator.moving(&state));
+        let setpoint = generator.step(&mut state);
+        assert_eq!(
+            (
+                setpoint.position.0,
+                setpoint.velocity.0,
+                setpoint.feed_forward.0
+            ),
+            (-0.5, 0.0, 0.0)
+        );
+    }
+
+    #[test]
+    fn a_move_that_cannot_be_counted_is_refused() {
+        let generator = Generator::new(LIMITS, 6.43, T);
+        for distance in [f32::NAN, f32::INFINITY, 1e30, -1e9] {
+            let mut state = State::default();
+            assert!(
+                !generator.move_to(&mut state, Position(distance)),
+                "{distance}"
+            );
+            assert_eq!(generator.step(&mut state), Setpoint::default());
+        }
+    }
+
+    proptest! {
+        /// From below one encoder count to metres: exact arrival, monotonic, within the limits.
+        #[test]
+        fn moves_keep_their_limits(
+            exponent in -6.5_f32..0.7,
+            negative: bool,
+            velocity in 0.01_f32..3.0,
+            acceleration in 0.1_f32..100.0,
+            jerk in 1.0_f32..1e5,
+        ) {
+            let length = 10_f32.powf(exponent);
+            let distance = if negative { -length } else { length };
+            let limits = MotionLimits { velocity, acceleration, jerk, total_mass: 1.0 };
+            let generator = Generator::new(limits, 1.0, T);
+            let profile = generator.plan(distance).unwrap();
+            // 1e-3 of a period is what `ticks` calls rounding; T_j is one period at least.
+            let slack = 1.004;
+            let (t_j, t_a) = (profile.jerk_ticks as f32 * T, profile.acceleration_ticks as f32 * T);
+            prop_assert!(profile.jerk.abs() <= jerk * slack);
+            prop_assert!(profile.jerk.abs() * t_j <= acceleration * slack);
+            prop_assert!(profile.jerk.abs() * t_j * (t_j + t_a) <= velocity * slack);
+
+            let ticks = profile.ticks();
+            prop_assert_eq!(profile.at(0, T), (0.0, 0.0));
+            prop_assert_eq!(profile.at(ticks, T), (distance, 0.0));
+            let stride = (ticks / 1000).max(1);
+            let mut last = 0.0;
+            for tick in (0..=ticks).step_by(stride as usize) {
+                let (position, _) = profile.at(tick, T);
+                let forward = if negative { last - position } else { position - last };
+                prop_assert!(forward >= -1e-6 * length);
+                last = position;
+            }
+        }
+    }
+}
