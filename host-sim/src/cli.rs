@@ -1,0 +1,43 @@
+//! The command line.
+//!
+//! `host-sim` alone does the main job: the paper's four experiments on the embedded drive, the
+//! same as `host-sim simulate`.
+
+mod design;
+mod simulate;
+
+use crate::error::Result;
+use clap::{Parser, Subcommand};
+
+/// Designs the gains of a drive that positions a flexible load with no sensor on it, and
+/// simulates it with the control core of the firmware.
+#[derive(Debug, Parser)]
+#[command(version, args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    main: simulate::Simulate,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Design regulator and observer of a drive.
+    Design(design::DesignCommand),
+    /// Simulate experiments on a drive (what the program does without a command).
+    Simulate(simulate::Simulate),
+}
+
+impl Cli {
+    /// Does what the command line asks for.
+    ///
+    /// # Errors
+    /// Whatever ends it early; see [`Error::exit_code`](crate::error::Error::exit_code).
+    pub fn run(self) -> Result<()> {
+        match self.command {
+            None => self.main.run(),
+            Some(Command::Design(command)) => command.run(),
+            Some(Command::Simulate(command)) => command.run(),
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! `host-sim simulate`: experiments in closed loop, the core beside feedback of the true state.
+
+use crate::design::Design;
+use crate::drive::{DEFAULT_NAME, Drive, PlantFile};
+use crate::error::{Error, Result};
+use crate::metrics::Metrics;
+use crate::output::{print, write_file};
+use crate::report::{csv::csv, plot::plot, table};
+use crate::scenario::{SCENARIOS, Scenario, paper};
+use crate::simulate::{Law, Run, simulate};
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Simulate experiments on a drive.
+#[derive(Debug, Args)]
+pub(super) struct Simulate {
+    /// Description of the drive; the paper's rig when not given.
+    drive: Option<PathBuf>,
+    /// Experiment to simulate, may be given several times; the paper's four when not given.
+    #[arg(long, value_name = "NAME", value_parser = scenario_names())]
+    scenario: Vec<String>,
+    /// What is really there, when it differs from what the drive file says.
+    #[arg(long, value_name = "PLANT.toml")]
+    plant: Option<PathBuf>,
+    /// Length of each experiment, s.
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.2, value_parser = seconds)]
+    duration: f64,
+    /// Where plots and CSV files go.
+    #[arg(long, value_name = "DIR", default_value = "target/host-sim")]
+    out: PathBuf,
+    /// Print the figures as JSON, SI units.
+    #[arg(long)]
+    json: bool,
+    /// Print every step of one experiment as CSV and write no files.
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+}
+
+fn scenario_names() -> PossibleValuesParser {
+    PossibleValuesParser::new(SCENARIOS.iter().map(|scenario| scenario.name))
+}
+
+fn seconds(text: &str) -> std::result::Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (0.001..=1000.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("must be from 0.001 to 1000 s".into())
+    }
+}
+
+impl Simulate {
+    pub(super) fn run(self) -> Result<()> {
+        let drive = Drive::load(self.drive.as_deref())?;
+        let design = Design::new(&drive)?;
+        let plant = match &self.plant {
+            None => PlantFile::from(&drive),
+            Some(path) => PlantFile::load(path)?,
+        };
+        if plant.loads.len() != drive.loads.len() {
+            return Err(Error::Usage(format!(
+                "the plant has {} loads and the drive {}: they must have the same number",
+                plant.loads.len(),
+                drive.loads.len()
+            )));
+        }
+        if self.duration / drive.control.sample_time < 2.0 {
+            return Err(Error::Usage(format!(
+                "--duration {}: must be two control periods of {} s at least",
+                self.duration, drive.control.sample_time
+            )));
+        }
+        let scenarios: Vec<&Scenario> = if self.scenario.is_empty() {
+            paper().iter().collect()
+        } else {
+            self.scenario
+                .iter()
+                .filter_map(|name| Scenario::named(name))
+                .collect()
+        };
+        if self.csv {
+            let [scenario] = scenarios[..] else {
+                return Err(Error::Usage(
+                    "--csv prints one experiment: name it with --scenario".into(),
+                ));
+            };
+            let run = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
+            print(&String::from_utf8_lossy(&csv(&run)?))?;
+            return require_no_fault(&[(Metrics::new(&run), &run)]);
+        }
+
+        let mut runs: Vec<(Run, Metrics)> = Vec::new();
+        let mut files = Vec::new();
+        for scenario in scenarios {
+            let core = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
+            let bound = simulate(&design, &plant, scenario, Law::FullState, self.duration)?;
+            for (name, content) in [
+                (
+                    format!("{}.svg", scenario.name),
+                    plot(&core, &bound)?.into_bytes(),
+                ),
+                (format!("{}.csv", scenario.name), csv(&core)?),
+                (format!("{}-full-state.csv", scenario.name), csv(&bound)?),
+            ] {
+                let path = self.out.join(name);
+                write_file(&path, &content)?;
+                files.push(path.display().to_string());
+            }
+            for run in [core, bound] {
+                let metrics = Metrics::new(&run);
+                runs.push((run, metrics));
+            }
+        }
+        if self.json {
+            let experiments = runs.iter().map(|(run, metrics)| {
+                json!({
+                    "scenario": run.scenario.name,
+                    "law": run.law,
+                    "observer": (run.law == Law::Core).then(|| table::observer_name(design.form())),
+                    "metrics": metrics,
+                })
+            });
+            let experiments: Vec<_> = experiments.collect();
+            print(&format!(
+                "{:#}\n",
+                json!({ "experiments": experiments, "files": files })
+            ))?;
+        } else {
+            let shown =
+                |path: &Option<PathBuf>| path.as_ref().map(|path| path.display().to_string());
+            let mut text = format!(
+                "drive: {}",
+                shown(&self.drive).unwrap_or(DEFAULT_NAME.into())
+            );
+            if let Some(plant) = shown(&self.plant) {
+                text += &format!(", plant: {plant}");
+            }
+            text += &format!("\n{}\n", table::design(&design)?);
+            text += &table::experiments(&design, &runs);
+            text += &format!("Plots and CSV of every step: {}\n", self.out.display());
+            print(&text)?;
+        }
+        let judged: Vec<_> = runs
+            .iter()
+            .map(|(run, metrics)| (metrics.clone(), run))
+            .collect();
+        require_no_fault(&judged)
+    }
+}
+
+/// A run in which the drive stopped itself is a failed run, after its figures have been shown.
+fn require_no_fault(runs: &[(Metrics, &Run)]) -> Result<()> {
+    for (_, run) in runs {
+        if let Some((time, fault)) = run.fault {
+            return Err(Error::Simulation(format!(
+                "in {} the drive stopped after {time:.3} s with fault {} ({fault:?})",
+                run.scenario.name,
+                fault.number()
+            )));
+        }
+    }
+    Ok(())
+}

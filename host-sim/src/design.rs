@@ -1,0 +1,211 @@
+//! Design: from a drive to the gains its core runs with.
+//!
+//! ```text
+//! drive -> chain -> discretise -> lqr (K, eqs. (2) to (13)) -+-> Design -> Gains<N, S> (f32)
+//!                       +-------> observer (L, eq. (17)) ----+
+//! ```
+
+pub mod discretise;
+pub mod lqr;
+pub mod observer;
+pub mod riccati;
+pub mod source;
+
+use crate::drive::{Drive, Motion};
+use crate::error::{Error, Result};
+use crate::model::{Chain, Mode, eigenvalues, spectral_radius};
+use arso_core::Gains;
+use arso_core::disturbance::Actuator;
+use arso_core::gains::{EncoderGains, ObserverGains};
+use arso_core::limits::Limits;
+use arso_core::observer::Form;
+use arso_core::reference::MotionLimits;
+use arso_core::regulator::{MassGain, Regulator};
+use nalgebra::{Complex, DMatrix, DVector, RowDVector};
+
+/// Gains of a drive in `f64`, with all that led to them.
+#[derive(Clone, Debug)]
+pub struct Design {
+    /// What was designed for.
+    pub drive: Drive,
+    /// Continuous model.
+    pub chain: Chain,
+    /// Model over one control period, current held: `x_{k+1} = ad x_k + bd i_k`.
+    pub ad: DMatrix<f64>,
+    /// See `ad`.
+    pub bd: DVector<f64>,
+    /// Feedback gain `K`, order `x_a v_a x_1 v_1 …`, A/m and A s/m.
+    pub regulator: RowDVector<f64>,
+    /// The state observer.
+    pub observer: observer::ObserverDesign,
+    /// Limits of planned moves.
+    pub motion: Motion,
+}
+
+impl Design {
+    /// Designs regulator and observer for a drive.
+    ///
+    /// # Errors
+    /// [`Error::Design`] when the chain is too fast for the sample time, a Riccati equation has
+    /// no stabilising solution, or the result does not fit `f32`.
+    pub fn new(drive: &Drive) -> Result<Self> {
+        let chain = Chain::new(&drive.actuator, &drive.loads, 0.0);
+        let sample_time = drive.control.sample_time;
+        let modes = chain.modes();
+        let fastest = modes.last().map_or(0.0, |mode| mode.frequency_hz);
+        if fastest * sample_time >= 0.5 {
+            return Err(Error::Design(format!(
+                "its fastest mode of {fastest:.1} Hz needs a sample_time below {:.3e} s",
+                0.5 / fastest
+            )));
+        }
+        let (ad, bd) = discretise::zero_order_hold(&chain.a(), &chain.b(), sample_time);
+        let regulator = lqr::regulator(&chain, &drive.cost, sample_time)?;
+        require_stable("the regulator", &(&ad - &bd * &regulator))?;
+        let observer = observer::design(drive, &chain)?;
+        let design = Self {
+            drive: drive.clone(),
+            regulator,
+            observer,
+            motion: motion(drive, &chain, &modes),
+            chain,
+            ad,
+            bd,
+        };
+        design.require_f32()?;
+        Ok(design)
+    }
+
+    /// The flexible modes of the chain.
+    #[must_use]
+    pub fn modes(&self) -> Vec<Mode> {
+        self.chain.modes()
+    }
+
+    /// Poles of the sampled full-state loop, `eig(ad − bd K)`.
+    ///
+    /// # Errors
+    /// [`Error::Design`] when they cannot be computed.
+    pub fn regulator_poles(&self) -> Result<Vec<Complex<f64>>> {
+        eigenvalues(&(&self.ad - &self.bd * &self.regulator))
+    }
+
+    /// Poles of the estimation error, `eig((1 − L c) F)`.
+    ///
+    /// # Errors
+    /// [`Error::Design`] when they cannot be computed.
+    pub fn observer_poles(&self) -> Result<Vec<Complex<f64>>> {
+        eigenvalues(&self.observer.error_transition())
+    }
+
+    /// The gains as the core takes them. `N` and `S` must be those of the design; the core's
+    /// [`Gains::check`] refuses anything else.
+    #[must_use]
+    pub fn gains<const N: usize, const S: usize>(&self) -> Gains<N, S> {
+        let drive = &self.drive;
+        let observer = &self.observer;
+        let row = |values: &[f64]| -> [f32; S] {
+            std::array::from_fn(|i| values.get(i).map_or(f32::NAN, |value| *value as f32))
+        };
+        let mass_gain = |mass: usize| MassGain {
+            position: self.regulator[2 * mass] as f32,
+            velocity: self.regulator[2 * mass + 1] as f32,
+        };
+        Gains {
+            sample_time: drive.control.sample_time as f32,
+            encoder: EncoderGains {
+                resolution: drive.encoder.resolution as f32,
+                counter_bits: drive.encoder.counter_bits,
+            },
+            actuator: Actuator {
+                mass: drive.actuator.mass as f32,
+                force_constant: drive.actuator.force_constant as f32,
+                mass_deviation: drive.actuator.mass_deviation as f32,
+                force_constant_deviation: drive.actuator.force_constant_deviation as f32,
+            },
+            disturbance_cutoff: drive.control.disturbance_cutoff as f32,
+            reaction_force_cutoff: drive.control.reaction_force_cutoff as f32,
+            observer: ObserverGains {
+                form: drive.control.observer,
+                transition: std::array::from_fn(|i| {
+                    std::array::from_fn(|j| {
+                        let value = observer.transition.get((i, j));
+                        value.map_or(f32::NAN, |value| *value as f32)
+                    })
+                }),
+                input: row(observer.input.as_slice()),
+                output: row(observer.output.as_slice()),
+                correction: row(observer.correction.as_slice()),
+            },
+            regulator: Regulator {
+                actuator: mass_gain(0),
+                loads: std::array::from_fn(|load| mass_gain(load + 1)),
+            },
+            limits: Limits {
+                current_limit: drive.actuator.current_limit as f32,
+                current_resolution: drive.actuator.current_resolution as f32,
+            },
+            motion: MotionLimits {
+                velocity: self.motion.velocity as f32,
+                acceleration: self.motion.acceleration as f32,
+                jerk: self.motion.jerk as f32,
+                total_mass: drive.total_mass() as f32,
+            },
+        }
+    }
+
+    /// Number of load masses `N`.
+    #[must_use]
+    pub fn loads(&self) -> usize {
+        self.chain.loads()
+    }
+
+    /// Which observer was designed.
+    #[must_use]
+    pub fn form(&self) -> Form {
+        self.drive.control.observer
+    }
+
+    fn require_f32(&self) -> Result<()> {
+        let observer = &self.observer;
+        let vectors = [&observer.input, &observer.correction];
+        let values = observer.transition.iter().chain(self.regulator.iter());
+        let values = values.chain(observer.output.iter());
+        let mut values = values.chain(vectors.into_iter().flat_map(|v| v.iter()));
+        if values.all(|value| (*value as f32).is_finite()) {
+            Ok(())
+        } else {
+            Err(Error::Design(
+                "its gains exceed what the drive can hold (f32)".into(),
+            ))
+        }
+    }
+}
+
+/// Limits of planned moves where the drive file has none: the acceleration that half the current
+/// gives the whole chain, reached within one period of the slowest mode (such a ramp leaves that
+/// mode at rest), and the velocity that it reaches in the same time.
+fn motion(drive: &Drive, chain: &Chain, modes: &[Mode]) -> Motion {
+    if let Some(motion) = &drive.motion {
+        return motion.clone();
+    }
+    let period = modes.first().map_or(1.0, |mode| 1.0 / mode.frequency_hz);
+    let force = chain.force_constant * drive.actuator.current_limit;
+    let acceleration = 0.5 * force / drive.total_mass();
+    Motion {
+        velocity: acceleration * period,
+        acceleration,
+        jerk: acceleration / period,
+    }
+}
+
+fn require_stable(what: &str, matrix: &DMatrix<f64>) -> Result<()> {
+    let radius = spectral_radius(matrix)?;
+    if radius < 1.0 {
+        Ok(())
+    } else {
+        Err(Error::Design(format!(
+            "{what} is not stable (largest pole {radius:.6})"
+        )))
+    }
+}

@@ -1,0 +1,197 @@
+//! Gain of the action-reaction state observer, eq. (17), by steady-state Kalman weights.
+//!
+//! *Anchored* (default): states `r_1 v_1 … r_n v_n q_1 q_2 d` relative to the actuator; the
+//! input is the actuator's mean velocity, the lags of both force observers are part of the
+//! model, `d` is a random walk. *Reaction* (eq. (17) as printed): the free chain. Its centre of
+//! mass is unobservable, so the gain is designed for the motion relative to it and leaves the
+//! centre of mass alone.
+//!
+//! The weights are ratios to the density of the measurement noise of `f_reac_hat`, so they mean
+//! the same for every sample time and every size of drive.
+
+use super::{discretise, require_stable, riccati};
+use crate::drive::Drive;
+use crate::error::Result;
+use crate::model::Chain;
+use arso_core::observer::Form;
+use nalgebra::{DMatrix, DVector, RowDVector};
+
+/// Density of a random force on each load over that of the measurement noise: 0.3 N/√Hz to 1 N
+/// at a sample time of 1 ms, which is 1 N · √(1 ms) as a density.
+const FORCE_RATIO: f64 = 9.486_832_980_505_138;
+
+/// Random walk of the disturbance state over the measurement noise, 1/s: how fast friction is
+/// found. 0.3 N per sample to 1 N at 1 ms.
+const DISTURBANCE_RATIO: f64 = 300.0;
+
+/// A discrete observer `z⁺ = F z + g u`, then `z += L (f − c z)`.
+#[derive(Clone, Debug)]
+pub struct ObserverDesign {
+    /// `F`.
+    pub transition: DMatrix<f64>,
+    /// `g`, per m/s (anchored) or per A (reaction).
+    pub input: DVector<f64>,
+    /// `c`.
+    pub output: RowDVector<f64>,
+    /// `L`.
+    pub correction: DVector<f64>,
+}
+
+impl ObserverDesign {
+    /// Transition of the estimation error, `(1 − L c) F`.
+    #[must_use]
+    pub fn error_transition(&self) -> DMatrix<f64> {
+        let n = self.input.len();
+        (DMatrix::identity(n, n) - &self.correction * &self.output) * &self.transition
+    }
+}
+
+/// Designs the observer that the drive asks for.
+///
+/// # Errors
+/// [`Error::Design`](crate::error::Error::Design) when the Riccati equation has no solution or
+/// the observer is not stable.
+pub fn design(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
+    match drive.control.observer {
+        Form::Anchored => anchored(drive, chain),
+        Form::Reaction => reaction(drive, chain),
+    }
+}
+
+/// Steady-state Kalman gain, by duality with the regulator.
+///
+/// * `noise`: continuous process noise covariance density over that of the measurement, n x n
+fn kalman(
+    a: &DMatrix<f64>,
+    transition: &DMatrix<f64>,
+    output: &RowDVector<f64>,
+    noise: &DMatrix<f64>,
+    sample_time: f64,
+) -> Result<DVector<f64>> {
+    let n = a.nrows();
+    let process = discretise::cost_integral(&a.transpose(), noise, sample_time);
+    // A density of one, averaged over the period.
+    let measurement = 1.0 / sample_time;
+    let solution = riccati::solve(
+        &transition.transpose(),
+        &output.transpose(),
+        &process,
+        &DVector::zeros(n),
+        measurement,
+    )?;
+    // X is the covariance before the correction.
+    let covariance = &solution.x * output.transpose();
+    let innovation = (output * &covariance).x + measurement;
+    Ok(covariance / innovation)
+}
+
+fn anchored(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
+    let sample_time = drive.control.sample_time;
+    let (a, b) = anchored_model(drive, chain);
+    let n = b.len();
+    let (transition, input) = discretise::zero_order_hold(&a, &b, sample_time);
+    let mut output = RowDVector::zeros(n);
+    output[n - 2] = 1.0;
+    let mut noise = DMatrix::zeros(n, n);
+    for load in 0..chain.loads() {
+        let velocity = 2 * load + 1;
+        noise[(velocity, velocity)] = (FORCE_RATIO / chain.mass[load + 1]).powi(2);
+    }
+    noise[(n - 1, n - 1)] = DISTURBANCE_RATIO.powi(2);
+    let correction = kalman(&a, &transition, &output, &noise, sample_time)?;
+    let observer = ObserverDesign {
+        transition,
+        input,
+        output,
+        correction,
+    };
+    require_stable("the observer", &observer.error_transition())?;
+    Ok(observer)
+}
+
+/// Continuous model of the anchored load: states `r_1 v_1 … q_1 q_2 d`, input `v_a`.
+fn anchored_model(drive: &Drive, chain: &Chain) -> (DMatrix<f64>, DVector<f64>) {
+    let loads = chain.loads();
+    let n = 2 * loads + 3;
+    let (q1, q2, d) = (n - 3, n - 2, n - 1);
+    let mut a = DMatrix::zeros(n, n);
+    let mut b = DVector::zeros(n);
+
+    // The loads' rows of the free chain, in positions relative to the actuator: its position
+    // drops out, its velocity becomes the input.
+    let chain_a = chain.a();
+    a.view_mut((0, 0), (2 * loads, 2 * loads))
+        .copy_from(&chain_a.view((2, 2), (2 * loads, 2 * loads)));
+    for load in 0..loads {
+        b[2 * load] = -1.0;
+        b[2 * load + 1] = chain_a[(2 * load + 3, 1)];
+    }
+
+    // Reaction force −k_1 r_1 + c_1 (v_a − v_1) and d, through both lags.
+    let (g_dist, g_reac) = (
+        drive.control.disturbance_cutoff,
+        drive.control.reaction_force_cutoff,
+    );
+    a[(q1, 0)] = -g_dist * chain.stiffness[0];
+    a[(q1, 1)] = -g_dist * chain.damping[0];
+    b[q1] = g_dist * chain.damping[0];
+    a[(q1, d)] = g_dist;
+    a[(q1, q1)] = -g_dist;
+    a[(q2, q1)] = g_reac;
+    a[(q2, q2)] = -g_reac;
+    (a, b)
+}
+
+fn reaction(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
+    let sample_time = drive.control.sample_time;
+    let loads = chain.loads();
+    let a = chain.a();
+    let (transition, input) = discretise::zero_order_hold(&a, &chain.b(), sample_time);
+
+    // Relative motion s = (x_i − x_a, v_i − v_a): its rows of A close on themselves.
+    let n = 2 * loads;
+    let relative = DMatrix::from_fn(n, n + 2, |row, column| {
+        if column == row + 2 {
+            1.0
+        } else if column == row % 2 {
+            -1.0
+        } else {
+            0.0
+        }
+    });
+    // Back to the masses, with the centre of mass held still.
+    let total: f64 = chain.mass.iter().sum();
+    let lift = DMatrix::from_fn(n + 2, n, |row, column| {
+        let share = if row % 2 == column % 2 {
+            -chain.mass[column / 2 + 1] / total
+        } else {
+            0.0
+        };
+        share + if row == column + 2 { 1.0 } else { 0.0 }
+    });
+    let a_relative = &relative * &a * &lift;
+    let output_relative = chain.reaction_force() * &lift;
+    let transition_relative = &relative * &transition * &lift;
+
+    // Random forces on every mass, seen in the relative velocities.
+    let mut noise = DMatrix::zeros(n, n);
+    for mass in 0..=loads {
+        let force = &relative * chain.force_input(mass) * FORCE_RATIO;
+        noise += &force * force.transpose();
+    }
+    let gain = kalman(
+        &a_relative,
+        &transition_relative,
+        &output_relative,
+        &noise,
+        sample_time,
+    )?;
+    let error = (DMatrix::identity(n, n) - &gain * &output_relative) * &transition_relative;
+    require_stable("the observer", &error)?;
+    Ok(ObserverDesign {
+        transition,
+        input,
+        output: chain.reaction_force(),
+        correction: lift * gain,
+    })
+}

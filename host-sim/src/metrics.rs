@@ -1,0 +1,154 @@
+//! What a run is judged by.
+
+use crate::simulate::Run;
+use serde::Serialize;
+
+/// Half width of the band around the target in which a mass counts as settled, over the span of
+/// the motion.
+pub const SETTLING_BAND: f64 = 0.02;
+
+/// Residual vibration is measured from here on, s, or from the settling time if that is later.
+pub const RESIDUAL_FROM: f64 = 0.5;
+
+/// Figures of one run, SI units.
+#[derive(Clone, Debug, Serialize)]
+pub struct Metrics {
+    /// Time after which the controlled mass stays within 2 % of the span, s; none when it does
+    /// not settle within the run.
+    pub settling_time: Option<f64>,
+    /// Farthest excursion of the controlled mass beyond the target, % of the span.
+    pub overshoot: f64,
+    /// Peak-to-peak motion of each mass after settling, actuator first, m.
+    pub residual_vibration: Option<Vec<f64>>,
+    /// Mean distance of the controlled mass from the target over the same time, m.
+    pub offset: Option<f64>,
+    /// Largest magnitude of the commanded current, A.
+    pub peak_current: f64,
+    /// Root mean square of estimate minus truth over the whole run for each mass, actuator
+    /// first, m; none without an observer.
+    pub estimation_error: Option<Vec<f64>>,
+    /// Number of the fault that stopped the drive.
+    pub fault: Option<u8>,
+    /// When it did, s.
+    pub fault_time: Option<f64>,
+}
+
+/// The mass that the paper controls, the second; the first where there is no other.
+#[must_use]
+pub fn controlled_mass(loads: usize) -> usize {
+    loads.min(2)
+}
+
+impl Metrics {
+    /// Judges a run.
+    #[must_use]
+    pub fn new(run: &Run) -> Self {
+        let samples = &run.samples;
+        let masses = samples.first().map_or(0, |sample| sample.truth.len() / 2);
+        let controlled = 2 * controlled_mass(masses.saturating_sub(1));
+        let target = run.scenario.target;
+        let start = samples
+            .first()
+            .map_or(0.0, |sample| sample.truth[controlled]);
+        let span = target - start;
+
+        let outside = |x: f64| (x - target).abs() > SETTLING_BAND * span.abs();
+        let settled = match samples.iter().rposition(|s| outside(s.truth[controlled])) {
+            None => samples.first(),
+            Some(last) => samples.get(last + 1),
+        };
+        let settling_time = settled.map(|sample| sample.time);
+        let beyond = samples
+            .iter()
+            .map(|s| (s.truth[controlled] - target) / span);
+
+        let window = settling_time.map(|settled| {
+            let from = settled.max(RESIDUAL_FROM);
+            &samples[samples.partition_point(|sample| sample.time < from)..]
+        });
+        let window = window.filter(|window| !window.is_empty());
+        let peak_to_peak = |element: usize| {
+            let positions = window.unwrap_or_default().iter().map(|s| s.truth[element]);
+            let (low, high) = positions.fold((f64::MAX, f64::MIN), |(low, high), x| {
+                (low.min(x), high.max(x))
+            });
+            high - low
+        };
+        let rms = |element: usize| {
+            let errors = samples.iter().filter_map(|sample| {
+                let record = sample.record.as_ref()?;
+                Some((record.estimate[element] - sample.truth[element]).powi(2))
+            });
+            (errors.sum::<f64>() / samples.len() as f64).sqrt()
+        };
+        let observed = samples.iter().any(|sample| sample.record.is_some());
+        let elements = (0..masses).map(|mass| 2 * mass);
+        Self {
+            settling_time,
+            overshoot: 100.0 * beyond.fold(0.0, f64::max),
+            residual_vibration: window.map(|_| elements.clone().map(peak_to_peak).collect()),
+            offset: window.map(|window| {
+                let offsets = window.iter().map(|s| s.truth[controlled] - target);
+                offsets.sum::<f64>() / window.len() as f64
+            }),
+            peak_current: samples.iter().map(|s| s.command.abs()).fold(0.0, f64::max),
+            estimation_error: observed.then(|| elements.map(rms).collect()),
+            fault: run.fault.map(|(_, fault)| fault.number()),
+            fault_time: run.fault.map(|(time, _)| time),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+    use crate::simulate::{Law, Sample};
+    use nalgebra::DVector;
+
+    /// A decaying oscillation of mass 2 around 30 mm, whose figures follow from its formula.
+    #[test]
+    fn figures_of_a_known_motion() {
+        let x2 = |t: f64| 0.03 * (1.0 - (-20.0 * t).exp() * (100.0 * t).cos());
+        let samples = (0..1200).map(|k| {
+            let time = f64::from(k) * 1e-3;
+            let mut truth = DVector::zeros(8);
+            truth[4] = x2(time);
+            truth[6] = 1e-5 * (200.0 * time).sin();
+            Sample {
+                time,
+                count: 0,
+                truth,
+                true_reaction_force: 0.0,
+                reference: 0.03,
+                applied_current: 0.0,
+                command: if k == 7 { -1.5 } else { 0.5 },
+                limited: false,
+                record: None,
+            }
+        });
+        let run = Run {
+            scenario: *Scenario::named("fig3").unwrap(),
+            law: Law::FullState,
+            samples: samples.collect(),
+            fault: None,
+        };
+        let metrics = Metrics::new(&run);
+        // Swings peak every π/100 s at e^{−20 t}; the last beyond 2 % ends before t = 0.189 s.
+        let last = (0..1200)
+            .map(|k| f64::from(k) * 1e-3)
+            .rfind(|t| (x2(*t) - 0.03).abs() > 6e-4);
+        assert_eq!(
+            metrics.settling_time,
+            Some(((last.unwrap() + 1e-3) * 1e3).round() / 1e3)
+        );
+        // First maximum where tan(100 t) = −1/5, t = 29.44 ms.
+        let t = (std::f64::consts::PI - 0.2_f64.atan()) / 100.0;
+        assert!((metrics.overshoot - 100.0 * (x2(t) / 0.03 - 1.0)).abs() < 0.1);
+        let residual = metrics.residual_vibration.unwrap();
+        assert_eq!(residual[0], 0.0);
+        assert!((residual[3] - 2e-5).abs() < 1e-7);
+        assert_eq!((metrics.peak_current, metrics.fault), (1.5, None));
+        assert!(metrics.estimation_error.is_none());
+    }
+}

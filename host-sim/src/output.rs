@@ -1,0 +1,56 @@
+//! Files and standard output: whole or not at all.
+
+use crate::error::{Error, Result};
+use std::io::Write;
+use std::path::Path;
+
+/// Writes a file so that at any moment either the old or the complete new one is there.
+///
+/// # Errors
+/// [`Error::Write`]; the old file then stands.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
+    let error = Error::write(path);
+    let directory = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    std::fs::create_dir_all(directory).map_err(&error)?;
+    let mut file = tempfile::Builder::new()
+        .permissions(permissions())
+        .tempfile_in(directory)
+        .map_err(&error)?;
+    file.write_all(content).map_err(&error)?;
+    file.as_file().sync_all().map_err(&error)?;
+    file.persist(path).map_err(|e| error(e.error))?;
+    Ok(())
+}
+
+/// What a plainly created file would get before the umask, not a temporary file's owner-only.
+#[cfg(unix)]
+fn permissions() -> std::fs::Permissions {
+    std::os::unix::fs::PermissionsExt::from_mode(0o666)
+}
+
+#[cfg(not(unix))]
+fn permissions() -> std::fs::Permissions {
+    std::fs::metadata(".").map_or_else(
+        |_| unreachable!("the current directory exists"),
+        |m| m.permissions(),
+    )
+}
+
+/// Prints text; a reader that has gone away (`| head`) is no error.
+///
+/// # Errors
+/// [`Error::Write`] when standard output cannot take the text.
+pub fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    match written {
+        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::Write {
+            path: "standard output".into(),
+            source,
+        }),
+        _ => Ok(()),
+    }
+}

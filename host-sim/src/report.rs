@@ -1,0 +1,5 @@
+//! What the user gets: tables for people, JSON for machines, CSV of every step, plots.
+
+pub mod csv;
+pub mod plot;
+pub mod table;

@@ -1,0 +1,79 @@
+//! One row per control period; `name[unit]` headers, time first.
+//!
+//! The columns are the same for simulation and drive log as far as both know them; the true
+//! motion stands in the `…_true` columns.
+
+use crate::error::{Error, Result};
+use crate::simulate::Run;
+
+/// The run as CSV.
+///
+/// # Errors
+/// [`Error::Simulation`] when the rows cannot be formed.
+pub fn csv(run: &Run) -> Result<Vec<u8>> {
+    let failed = |error: String| Error::Simulation(format!("its CSV cannot be formed: {error}"));
+    let mut writer = ::csv::Writer::from_writer(Vec::new());
+    let masses = run
+        .samples
+        .first()
+        .map_or(0, |sample| sample.truth.len() / 2);
+    let observed = run.samples.iter().any(|sample| sample.record.is_some());
+    writer
+        .write_record(header(masses, observed))
+        .map_err(|e| failed(e.to_string()))?;
+    for sample in &run.samples {
+        let mut row = vec![
+            // Whole microseconds: 0.1 + 0.2 has no place in a time column.
+            format!("{}", (sample.time * 1e6).round() / 1e6),
+            sample.count.to_string(),
+            sample.applied_current.to_string(),
+            sample.command.to_string(),
+            u8::from(sample.limited).to_string(),
+            sample.reference.to_string(),
+        ];
+        row.extend(sample.truth.iter().map(f64::to_string));
+        row.push(sample.true_reaction_force.to_string());
+        if let Some(record) = &sample.record {
+            row.extend(record.estimate.iter().map(f64::to_string));
+            row.push(record.reaction_force.to_string());
+            row.push(record.disturbance.to_string());
+            row.push(record.disturbance_state.to_string());
+        }
+        writer
+            .write_record(row)
+            .map_err(|e| failed(e.to_string()))?;
+    }
+    writer.into_inner().map_err(|e| failed(e.to_string()))
+}
+
+fn header(masses: usize, observed: bool) -> Vec<String> {
+    let mut names: Vec<String> = [
+        "time[s]",
+        "count[1]",
+        "applied_current[A]",
+        "command[A]",
+        "limited[1]",
+        "reference[m]",
+    ]
+    .map(String::from)
+    .to_vec();
+    let mut motion = |suffix: &str| {
+        for mass in 0..masses {
+            let name = if mass == 0 {
+                "actuator".into()
+            } else {
+                format!("load{mass}")
+            };
+            names.push(format!("{name}_position{suffix}[m]"));
+            names.push(format!("{name}_velocity{suffix}[m/s]"));
+        }
+        names.push(format!("reaction_force{suffix}[N]"));
+    };
+    motion("_true");
+    if observed {
+        motion("");
+        names.push("disturbance[N]".into());
+        names.push("disturbance_state[N]".into());
+    }
+    names
+}

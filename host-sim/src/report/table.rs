@@ -1,0 +1,147 @@
+//! Tables for people.
+
+use crate::design::Design;
+use crate::error::Result;
+use crate::metrics::{Metrics, controlled_mass};
+use crate::simulate::{Law, Run};
+use arso_core::observer::Form;
+use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
+use std::fmt::Write;
+
+/// The name of an observer as drive files have it.
+#[must_use]
+pub fn observer_name(form: Form) -> &'static str {
+    match form {
+        Form::Anchored => "anchored",
+        Form::Reaction => "reaction",
+    }
+}
+
+/// Name of a control law in tables.
+#[must_use]
+pub fn law_name(law: Law, design: &Design) -> &'static str {
+    match law {
+        Law::Core => observer_name(design.form()),
+        Law::FullState => "full state",
+    }
+}
+
+fn table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table
+        .load_style(presets::ASCII_MARKDOWN)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .set_header(header.iter().map(Cell::new));
+    table
+}
+
+fn right(text: String) -> Cell {
+    Cell::new(text).set_alignment(CellAlignment::Right)
+}
+
+/// The experiments' figures, one row per run.
+#[must_use]
+pub fn experiments(design: &Design, runs: &[(Run, Metrics)]) -> String {
+    let mass = controlled_mass(design.loads());
+    let settling = format!("settling mass {mass} [ms]");
+    let mut table = table(&[
+        "experiment",
+        "control",
+        &settling,
+        "overshoot [%]",
+        "residual [um p-p]",
+        "peak [A]",
+        "estimate error [um rms]",
+    ]);
+    let micrometres = |values: &Option<Vec<f64>>| {
+        let list = values
+            .iter()
+            .flatten()
+            .map(|value| format!("{:.1}", value * 1e6));
+        let list = list.collect::<Vec<_>>().join("  ");
+        if list.is_empty() { "-".into() } else { list }
+    };
+    for (run, metrics) in runs {
+        let settling = match (metrics.fault, metrics.settling_time) {
+            (Some(fault), _) => format!("fault {fault}"),
+            (None, Some(time)) => format!("{:.0}", time * 1e3),
+            (None, None) => "not settled".into(),
+        };
+        table.add_row([
+            Cell::new(run.scenario.name),
+            Cell::new(law_name(run.law, design)),
+            right(settling),
+            right(format!("{:.1}", metrics.overshoot)),
+            right(micrometres(&metrics.residual_vibration)),
+            right(format!("{:.2}", metrics.peak_current)),
+            right(micrometres(&metrics.estimation_error)),
+        ]);
+    }
+    let titles = runs
+        .iter()
+        .filter(|(run, _)| run.law == Law::Core)
+        .map(|(run, _)| format!("{}: {}\n", run.scenario.name, run.scenario.title));
+    format!(
+        "{}\n{table}\n\
+         Settling: within 2 % of the motion for good. Residual vibration: from 0.5 s on. Lists: \
+         actuator first.\n",
+        titles.collect::<String>()
+    )
+}
+
+/// Model and gains.
+///
+/// # Errors
+/// [`Error::Design`](crate::error::Error::Design) when poles cannot be computed.
+pub fn design(design: &Design) -> Result<String> {
+    let mut text = String::new();
+    let modes = design.modes();
+    let modes = modes.iter().map(|mode| {
+        format!(
+            "{:.2} Hz ({:.1} %)",
+            mode.frequency_hz,
+            100.0 * mode.damping_ratio
+        )
+    });
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "modes (damping ratio): {}",
+        modes.collect::<Vec<_>>().join(", ")
+    );
+
+    let mut gains = table(&["mass", "position gain [A/m]", "velocity gain [A s/m]"]);
+    for mass in 0..=design.loads() {
+        let name = if mass == 0 {
+            "actuator".into()
+        } else {
+            format!("load {mass}")
+        };
+        gains.add_row([
+            Cell::new(name),
+            right(format!("{:.4}", design.regulator[2 * mass])),
+            right(format!("{:.4}", design.regulator[2 * mass + 1])),
+        ]);
+    }
+    let _ = writeln!(text, "{gains}");
+
+    let slowest = |poles: Vec<nalgebra::Complex<f64>>| {
+        let radius = poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
+        if radius < 1.0 - 1e-9 {
+            format!(
+                "{:.1} ms",
+                1e3 * design.drive.control.sample_time / -radius.ln()
+            )
+        } else {
+            "none (errors of the rigid motion stay)".into()
+        }
+    };
+    let _ = writeln!(
+        text,
+        "slowest time constant: regulator {}, {} observer {}",
+        slowest(design.regulator_poles()?),
+        observer_name(design.form()),
+        slowest(design.observer_poles()?),
+    );
+    Ok(text)
+}

@@ -1,0 +1,228 @@
+//! The closed loop: plant and control core, one control period after the other.
+//!
+//! ```text
+//! plant --count--> core --current--> plant      (the core also gets the current it commanded)
+//! ```
+//!
+//! Beside the core runs, on a plant of its own, feedback of the true state with the same gain
+//! `K`: the bound that no observer can beat.
+
+use crate::corridor::{Record, corridor};
+use crate::design::Design;
+use crate::drive::PlantFile;
+use crate::error::{Error, Result};
+use crate::plant::Plant;
+use crate::scenario::{Kind, Scenario};
+use arso_core::limits::Limits;
+use arso_core::reference::{Generator, MotionLimits};
+use arso_core::{Counts, Current, Fault, Measurement, Position, Request, State, reference};
+use nalgebra::DVector;
+
+/// Which control law was simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Law {
+    /// The control core with the drive's observer.
+    Core,
+    /// `K` on the true state.
+    FullState,
+}
+
+/// One control period.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// Start of the period, s.
+    pub time: f64,
+    /// Encoder counter.
+    pub count: u32,
+    /// True state `x_a v_a x_1 v_1 …`, m and m/s.
+    pub truth: DVector<f64>,
+    /// True reaction force, N.
+    pub true_reaction_force: f64,
+    /// Reference position, m.
+    pub reference: f64,
+    /// Current applied over the period before, A.
+    pub applied_current: f64,
+    /// Current commanded for this period, A.
+    pub command: f64,
+    /// Whether the current limit acted.
+    pub limited: bool,
+    /// What the core found; nothing for feedback of the true state.
+    pub record: Option<Record>,
+}
+
+/// One simulated experiment.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Which experiment.
+    pub scenario: Scenario,
+    /// Which control law.
+    pub law: Law,
+    /// Every control period.
+    pub samples: Vec<Sample>,
+    /// The fault that stopped the drive, and when (s).
+    pub fault: Option<(f64, Fault)>,
+}
+
+/// Simulates one experiment.
+///
+/// * `file`: the plant; with as many loads as the design
+/// * `duration`: s
+///
+/// # Errors
+/// [`Error::Simulation`] when the plant's motion is no longer finite, [`Error::Design`] when the
+/// core refuses the gains.
+pub fn simulate(
+    design: &Design,
+    file: &PlantFile,
+    scenario: &Scenario,
+    law: Law,
+    duration: f64,
+) -> Result<Run> {
+    let period = design.drive.control.sample_time;
+    let mut plant = Plant::new(file, period);
+    plant.set_state(scenario.initial_state(plant.chain()));
+    let mut control: Box<dyn Control> = match law {
+        Law::Core => Box::new(Core::new(design, scenario)?),
+        Law::FullState => Box::new(FullState::new(design, scenario)),
+    };
+
+    let periods = (duration / period).round() as usize;
+    let mut samples = Vec::with_capacity(periods);
+    let mut fault = None;
+    let mut applied_current = 0.0;
+    for k in 0..periods {
+        let time = k as f64 * period;
+        let count = plant.count();
+        let step = control.step(count, plant.state(), applied_current)?;
+        if let (None, Some(State::Fault(new))) = (fault, step.record.as_ref().map(|r| r.state)) {
+            fault = Some((time, new));
+        }
+        samples.push(Sample {
+            time,
+            count,
+            truth: plant.state().clone(),
+            true_reaction_force: plant.reaction_force(),
+            reference: step.reference,
+            applied_current,
+            command: step.current,
+            limited: step.limited,
+            record: step.record,
+        });
+        plant.advance(step.current)?;
+        applied_current = step.current;
+    }
+    Ok(Run {
+        scenario: *scenario,
+        law,
+        samples,
+        fault,
+    })
+}
+
+/// What a control law says for one period.
+struct Step {
+    current: f64,
+    limited: bool,
+    reference: f64,
+    record: Option<Record>,
+}
+
+trait Control {
+    fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<Step>;
+}
+
+struct Core(Box<dyn crate::corridor::Corridor>);
+
+impl Core {
+    fn new(design: &Design, scenario: &Scenario) -> Result<Self> {
+        let refused = |error: arso_core::GainsError| Error::Design(error.to_string());
+        let mut core = corridor(design).map_err(refused)?;
+        core.request(Request::Start);
+        let target = Position(scenario.target as f32);
+        core.request(match scenario.kind {
+            Kind::Step => Request::Step(target),
+            Kind::Move => Request::Move(target),
+        });
+        Ok(Self(core))
+    }
+}
+
+impl Control for Core {
+    fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<Step> {
+        let command = self.0.step(Measurement {
+            count: Counts(count),
+            current: Current(applied as f32),
+        });
+        let record = self.0.record();
+        Ok(Step {
+            current: command.current.0.into(),
+            limited: command.limited,
+            reference: record.reference,
+            record: Some(record),
+        })
+    }
+}
+
+/// `i = i_ff − K (x − x_ref)` on the true state, through the same limiter.
+struct FullState {
+    gain: nalgebra::RowDVector<f64>,
+    limits: Limits,
+    generator: Generator,
+    reference: reference::State,
+}
+
+impl FullState {
+    fn new(design: &Design, scenario: &Scenario) -> Self {
+        let actuator = &design.drive.actuator;
+        let limits = MotionLimits {
+            velocity: design.motion.velocity as f32,
+            acceleration: design.motion.acceleration as f32,
+            jerk: design.motion.jerk as f32,
+            total_mass: design.drive.total_mass() as f32,
+        };
+        let generator = Generator::new(
+            limits,
+            actuator.actual_force_constant() as f32,
+            design.drive.control.sample_time as f32,
+        );
+        let mut state = reference::State::default();
+        let target = Position(scenario.target as f32);
+        match scenario.kind {
+            Kind::Step => generator.step_to(&mut state, target),
+            Kind::Move => {
+                generator.move_to(&mut state, target);
+            }
+        }
+        Self {
+            gain: design.regulator.clone(),
+            limits: Limits {
+                current_limit: actuator.current_limit as f32,
+                current_resolution: actuator.current_resolution as f32,
+            },
+            generator,
+            reference: state,
+        }
+    }
+}
+
+impl Control for FullState {
+    fn step(&mut self, _: u32, truth: &DVector<f64>, _: f64) -> Result<Step> {
+        let setpoint = self.generator.step(&mut self.reference);
+        let reference = [
+            f64::from(setpoint.position.0),
+            f64::from(setpoint.velocity.0),
+        ];
+        let error = DVector::from_fn(truth.len(), |row, _| truth[row] - reference[row % 2]);
+        let current = f64::from(setpoint.feed_forward.0) - (&self.gain * error).x;
+        let limited = self.limits.step(Current(current as f32)).ok_or_else(|| {
+            Error::Simulation("feedback of the true state is no longer finite".into())
+        })?;
+        Ok(Step {
+            current: limited.current.0.into(),
+            limited: limited.limited,
+            reference: reference[0],
+            record: None,
+        })
+    }
+}
