@@ -1,0 +1,426 @@
+//! The program as the user runs it: exit codes, messages, files.
+
+use assert_cmd::Command;
+use std::fs;
+
+const DRIVE: &str = include_str!("../drive.toml");
+
+fn host_sim() -> Command {
+    Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
+}
+
+/// Runs and returns exit code, standard output, standard error.
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    let output = host_sim().args(arguments).output().unwrap();
+    (
+        output.status.code().unwrap(),
+        String::from_utf8(output.stdout).unwrap(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+/// Runs `design` on a text; returns exit code and the error.
+fn design(text: &str) -> (i32, String) {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("drive.toml");
+    fs::write(&path, text).unwrap();
+    let (code, _, error) = run(&["design", path.to_str().unwrap()]);
+    (
+        code,
+        error.replace(&directory.path().display().to_string(), ""),
+    )
+}
+
+#[test]
+fn the_main_job_prints_the_table_and_writes_its_files() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("a/b");
+    let (code, text, error) = run(&["--out", out.to_str().unwrap()]);
+    assert_eq!((code, error.as_str()), (0, ""));
+    for name in ["fig3", "fig4", "fig5", "fig6"] {
+        assert!(text.contains(&format!("| {name}")), "{text}");
+        let svg = fs::read_to_string(out.join(format!("{name}.svg"))).unwrap();
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+        let mut csv = csv::Reader::from_path(out.join(format!("{name}.csv"))).unwrap();
+        let header = csv.headers().unwrap().clone();
+        assert_eq!(&header[0], "time[s]");
+        assert!(header.iter().all(|name| name.ends_with(']')), "{header:?}");
+        let rows: Vec<csv::StringRecord> = csv.records().collect::<Result<_, _>>().unwrap();
+        assert_eq!(rows.len(), 1200);
+        let finite = |field: &str| field.parse::<f64>().unwrap().is_finite();
+        assert!(rows.iter().all(|row| row.iter().all(finite)));
+    }
+    // Nothing temporary stays behind.
+    assert_eq!(fs::read_dir(out).unwrap().count(), 12);
+}
+
+#[test]
+fn json_holds_the_figures_of_the_table() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().to_str().unwrap();
+    let (code, text, _) = run(&["simulate", "--scenario", "fig3", "--json", "--out", out]);
+    assert_eq!(code, 0);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let experiments = value["experiments"].as_array().unwrap();
+    assert_eq!(experiments.len(), 2);
+    let settling = experiments[0]["metrics"]["settling_time"].as_f64().unwrap();
+    assert!((0.1..0.2).contains(&settling));
+    assert_eq!(experiments[1]["law"], "full_state");
+    for file in value["files"].as_array().unwrap() {
+        assert!(fs::metadata(file.as_str().unwrap()).is_ok());
+    }
+
+    let (code, text, _) = run(&["design", "--json"]);
+    assert_eq!(code, 0);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(value["a"].as_array().unwrap().len(), 8);
+    assert_eq!(value["k"].as_array().unwrap().len(), 8);
+    assert_eq!(value["observer_gain"].as_array().unwrap().len(), 9);
+    assert_eq!(value["observer_poles"][0].as_array().unwrap().len(), 2);
+    assert!((value["modes"][0]["frequency_hz"].as_f64().unwrap() - 11.94).abs() < 0.01);
+}
+
+#[test]
+fn csv_goes_to_standard_output() {
+    let (code, text, _) = run(&[
+        "simulate",
+        "--scenario",
+        "move",
+        "--csv",
+        "--duration",
+        "0.2",
+    ]);
+    assert_eq!(code, 0);
+    assert_eq!(text.lines().count(), 201);
+    let (code, _, error) = run(&["simulate", "--csv"]);
+    assert_eq!((code, error.lines().count()), (2, 1));
+}
+
+#[test]
+fn a_plant_that_differs_is_simulated() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("plant.toml");
+    let text = format!(
+        "{DRIVE}\n[friction]\ncoulomb = 0.02\nviscous = 0.1\n\n\
+         [[force]]\nmass = 3\nstart = 0.6\nduration = 0.01\nnewton = 1.0\n"
+    );
+    fs::write(&path, text).unwrap();
+    let plant = path.to_str().unwrap();
+    let out = directory.path().to_str().unwrap();
+    let arguments = [
+        "simulate",
+        "--scenario",
+        "fig3",
+        "--plant",
+        plant,
+        "--json",
+        "--out",
+        out,
+    ];
+    let (code, text, error) = run(&arguments);
+    assert_eq!((code, error.as_str()), (0, ""));
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    // The kick at 0.6 s throws mass 2 out of the band, 10 mN s on 116 g at the least.
+    let settling = value["experiments"][0]["metrics"]["settling_time"]
+        .as_f64()
+        .unwrap();
+    assert!(settling > 0.6, "{settling}");
+}
+
+/// A drive that faults in the simulation is a failed run, told after its figures.
+#[test]
+fn a_fault_is_a_failed_run() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("plant.toml");
+    // A motor that is wired the wrong way round would be a negative constant; here the encoder's
+    // counts are so fine that they overrun a quarter of the counter in one period.
+    fs::write(
+        &path,
+        DRIVE.replace("resolution = 1e-6 ", "resolution = 1e-9 "),
+    )
+    .unwrap();
+    let out = directory.path().to_str().unwrap();
+    let (code, text, error) = run(&[
+        "--plant",
+        path.to_str().unwrap(),
+        "--scenario",
+        "fig3",
+        "--out",
+        out,
+    ]);
+    assert_eq!(code, 1);
+    assert!(text.contains("fault 2"), "{text}");
+    assert!(error.contains("EncoderJump"), "{error}");
+}
+
+#[test]
+fn gains_are_written_whole_or_not_at_all() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("gains.rs");
+    fs::write(&path, "old").unwrap();
+    let (code, _, _) = run(&["design", "--rust", path.to_str().unwrap()]);
+    assert_eq!(code, 0);
+    assert!(
+        fs::read_to_string(&path)
+            .unwrap()
+            .starts_with("//! Gains of the drive.")
+    );
+
+    // A directory stands where the file should go: an error, and the directory stays.
+    let blocked = directory.path().join("blocked");
+    fs::create_dir(&blocked).unwrap();
+    let (code, _, error) = run(&["design", "--rust", blocked.to_str().unwrap()]);
+    assert_eq!((code, error.lines().count()), (1, 1), "{error}");
+    assert!(blocked.is_dir());
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 2);
+}
+
+/// Each change of the default drive, and what the message must name: line, key, what is allowed.
+#[test]
+fn bad_drives_get_one_sentence_that_says_where() {
+    let cases: &[(&str, &str, &str)] = &[
+        (
+            "mass = 0.059 ",
+            "mass = -0.059 ",
+            ":5: actuator.mass = -0.059: must be from 1e-9 to 1e9 kg",
+        ),
+        (
+            "mass = 0.059 ",
+            "mass = nan ",
+            ":5: actuator.mass = NaN: must be",
+        ),
+        (
+            "mass = 0.059 ",
+            "mass = inf ",
+            ":5: actuator.mass = inf: must be",
+        ),
+        (
+            "mass = 0.059 ",
+            "mass = \"heavy\" ",
+            ":5: invalid type: string \"heavy\"",
+        ),
+        ("mass = 0.059 ", "maas = 0.059 ", ":5: unknown field `maas`"),
+        ("mass = 0.059 ", "", ": missing field `mass`"),
+        (
+            "force_constant = 6.43",
+            "force_constant = 0",
+            ":6: actuator.force_constant = 0: must be",
+        ),
+        (
+            "current_limit = 2.0",
+            "current_limit = 0.0",
+            ":7: actuator.current_limit = 0: must be",
+        ),
+        (
+            "current_resolution = 1e-3",
+            "current_resolution = 3.0",
+            ":8: actuator.current_resolution = 3: must be 0",
+        ),
+        (
+            "current_resolution = 1e-3",
+            "mass_deviation = -0.06",
+            ":8: actuator.mass_deviation = -0.06: must be within 90 %",
+        ),
+        (
+            "resolution = 1e-6 ",
+            "resolution = 0 ",
+            ":11: encoder.resolution = 0: must be",
+        ),
+        (
+            "counter_bits = 16",
+            "counter_bits = 24",
+            ":12: encoder.counter_bits = 24: must be 16 or 32",
+        ),
+        (
+            "counter_bits = 16",
+            "counter_bits = 16.5",
+            ":12: invalid type",
+        ),
+        (
+            "stiffness = 300.0          #",
+            "stiffness = 0.0 #",
+            ":16: load[1].stiffness = 0: must be",
+        ),
+        (
+            "damping = 0.1              #",
+            "damping = -1 #",
+            ":17: load[1].damping = -1: must be",
+        ),
+        (
+            "sample_time = 1e-3",
+            "sample_time = 10.0",
+            ": control.sample_time = 10: must be from 1e-6 to 1 s",
+        ),
+        (
+            "disturbance_cutoff = 628.0",
+            "disturbance_cutoff = 4000.0",
+            "below pi / sample_time",
+        ),
+        (
+            "observer = \"anchored\"",
+            "observer = \"kalman\"",
+            "must be \"anchored\" or \"reaction\"",
+        ),
+        (
+            "position = [225.0, ",
+            "position = [",
+            "cost.position has 3 entries: must have 4",
+        ),
+        (
+            "position = [225.0, ",
+            "position = [-1.0, ",
+            "cost.position[0] = -1: must be from 0",
+        ),
+        (
+            "velocity = [0.2, 0.2, 0.2, 0.2]",
+            "energy = 1.0",
+            "either both position and velocity, or energy alone",
+        ),
+        (
+            "position = [225.0, 225.0, 225.0, 225.0]",
+            "position = [0.0, 0.0, 0.0, 0.0]",
+            "one entry at least",
+        ),
+        (
+            "current = 1.0 ",
+            "current = 0.0 ",
+            "cost.current = 0: must be",
+        ),
+        ("jerk = 200.0 ", "jerk = 0.0 ", "move.jerk = 0: must be"),
+        (
+            "[cost] ",
+            "[friction]\ncoulomb = 1.0\n[cost] ",
+            "[friction] belongs into a plant file",
+        ),
+        (
+            "[cost] ",
+            "[[force]]\nmass = 0\nstart = 0\nduration = 0\nnewton = 0\n[cost] ",
+            "[[force]] belongs into a plant file",
+        ),
+        ("[control]", "[control", "unclosed table"),
+        ("[control]", "[steering]", "unknown field `steering`"),
+    ];
+    for (old, new, expected) in cases {
+        assert!(DRIVE.contains(old), "{old}");
+        let (code, error) = design(&DRIVE.replacen(old, new, 1));
+        assert_eq!(code, 2, "{old} -> {new}: {error}");
+        assert_eq!(error.lines().count(), 1, "{error}");
+        assert!(error.contains(expected), "{old} -> {new}: {error}");
+        assert!(error.starts_with("error: /drive.toml:"), "{error}");
+    }
+}
+
+#[test]
+fn drives_without_the_needed_tables_say_so() {
+    let table = |name: &str| {
+        let start = DRIVE.find(name).unwrap();
+        let end = DRIVE[start + 1..]
+            .find("\n\n[")
+            .map_or(DRIVE.len(), |end| start + 1 + end);
+        [&DRIVE[..start], &DRIVE[end..]].concat()
+    };
+    for (name, expected) in [
+        ("[actuator]", "missing field `actuator`"),
+        ("[encoder]", "missing field `encoder`"),
+        ("[control]", "missing table [control]"),
+        ("[cost]", "missing table [cost]"),
+    ] {
+        let (code, error) = design(&table(name));
+        assert_eq!(code, 2);
+        assert!(error.contains(expected), "{error}");
+    }
+    let no_load = DRIVE[..DRIVE.find("[[load]]").unwrap()].to_owned()
+        + &DRIVE[DRIVE.find("[control]").unwrap()..];
+    let (code, error) = design(&no_load);
+    assert!(
+        code == 2 && error.contains("0 [[load]] tables: must be 1 to 6"),
+        "{error}"
+    );
+    let seven = "[[load]]\nmass = 1.0\nstiffness = 1.0\ndamping = 1.0\n".repeat(4);
+    let (code, error) = design(&DRIVE.replace("[control]", &format!("{seven}\n[control]")));
+    assert!(
+        code == 2 && error.contains("7 [[load]] tables: must be 1 to 6"),
+        "{error}"
+    );
+    let (code, error) = design("");
+    assert_eq!((code, error.lines().count()), (2, 1), "{error}");
+    // [move] may be left out, the limits are then derived from the drive.
+    let (code, error) = design(&table("[move]"));
+    assert_eq!((code, error.as_str()), (0, ""));
+}
+
+/// Well-formed, but nothing can be designed: a failed run.
+#[test]
+fn a_chain_too_fast_for_the_sample_time_is_refused() {
+    let (code, error) = design(&DRIVE.replace("stiffness = 300.0", "stiffness = 1e6"));
+    assert_eq!((code, error.lines().count()), (1, 1));
+    assert!(error.contains("needs a sample_time below"), "{error}");
+}
+
+#[test]
+fn the_paper_s_energy_weights_can_be_asked_for() {
+    let position = "position = [225.0, 225.0, 225.0, 225.0]";
+    let velocity = "velocity = [0.2, 0.2, 0.2, 0.2]";
+    let text = DRIVE
+        .replace(position, "energy = 2.0")
+        .replace(velocity, "");
+    let (code, error) = design(&text);
+    assert_eq!((code, error.as_str()), (0, ""));
+    // Scale 2: stiffness sums 300, 600, 600, 300 and the masses.
+    let explicit = DRIVE
+        .replace(position, "position = [600.0, 1200.0, 1200.0, 600.0]")
+        .replace(velocity, "velocity = [0.118, 0.038, 0.038, 0.038]");
+    let directory = tempfile::tempdir().unwrap();
+    let gain = |name: &str, text: &str| -> Vec<f64> {
+        let path = directory.path().join(name);
+        fs::write(&path, text).unwrap();
+        let (_, json, _) = run(&["design", "--json", path.to_str().unwrap()]);
+        let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+        value["k"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|k| k.as_f64().unwrap())
+            .collect()
+    };
+    for (a, b) in gain("a.toml", &text).iter().zip(gain("b.toml", &explicit)) {
+        assert!((a - b).abs() <= 1e-9 * b.abs());
+    }
+}
+
+#[test]
+fn wrong_usage_is_exit_code_2() {
+    for arguments in [
+        &["--scenario", "fig7"][..],
+        &["--duration", "0"],
+        &["--duration", "nan"],
+        &["design", "--plant", "x"],
+        &["simulate", "/nonexistent.toml"],
+        &["--plant", "/nonexistent.toml"],
+        &["simulate", "--json", "--csv", "--scenario", "fig3"],
+        &["nonsense", "more"],
+    ] {
+        let (code, out, error) = run(arguments);
+        assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}");
+        assert!(error.starts_with("error: "), "{error}");
+    }
+    let (code, _, error) = run(&["simulate", "/nonexistent.toml"]);
+    assert_eq!((code, error.lines().count()), (2, 1));
+    assert!(error.contains("/nonexistent.toml"));
+}
+
+/// A reader that goes away early is no error.
+#[test]
+fn output_into_a_closed_pipe_is_quiet() {
+    use std::process::{Command, Stdio};
+    let mut child = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
+        .args(["simulate", "--scenario", "fig3", "--csv"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success());
+    assert!(output.stderr.is_empty());
+}
