@@ -1,0 +1,37 @@
+//! Switches of the board, as levels.
+
+use embedded_hal::digital::InputPin;
+use stm32f4xx_hal::gpio::{Input, gpioc};
+
+/// Levels of the switches.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Levels {
+    /// The drive is to run.
+    pub(crate) run: bool,
+    /// Which target, 0 to 3.
+    pub(crate) target: u8,
+}
+
+/// Run switch and both bits of the target switches.
+pub(crate) struct Inputs<Run = gpioc::PC2<Input>, Low = gpioc::PC0<Input>, High = gpioc::PC1<Input>>
+{
+    run: Run,
+    low: Low,
+    high: High,
+}
+
+impl<Run: InputPin, Low: InputPin, High: InputPin> Inputs<Run, Low, High> {
+    pub(super) fn new(run: Run, low: Low, high: High) -> Self {
+        Self { run, low, high }
+    }
+
+    /// Levels now; an input that cannot be read counts as off.
+    pub(crate) fn read(&mut self) -> Levels {
+        let low = self.low.is_high().unwrap_or(false);
+        let high = self.high.is_high().unwrap_or(false);
+        Levels {
+            run: self.run.is_high().unwrap_or(false),
+            target: u8::from(low) | u8::from(high) << 1,
+        }
+    }
+}
