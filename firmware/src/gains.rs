@@ -18,7 +18,6 @@ pub const STATES: usize = 9;
 
 /// All that the core knows of the drive.
 #[rustfmt::skip]
-#[allow(clippy::unreadable_literal)]
 pub const GAINS: Gains<LOADS, STATES> = Gains {
     sample_time: 0.001, // s
     encoder: EncoderGains { resolution: 1e-6, counter_bits: 16 }, // m

@@ -8,6 +8,9 @@ use host_sim::metrics::Metrics;
 use host_sim::scenario::{SCENARIOS, Scenario};
 use host_sim::simulate::{Law, simulate};
 
+/// What is different in a plant.
+type Change = fn(&mut PlantFile);
+
 fn metrics(drive: &Drive, plant: &PlantFile, scenario: &str, law: Law) -> Metrics {
     let design = Design::new(drive).unwrap();
     let scenario = Scenario::named(scenario).unwrap();
@@ -63,7 +66,6 @@ fn every_drive_reaches_its_reference() {
 #[test]
 fn robustness_row_of_the_anchored_observer() {
     let drive = Drive::default_drive();
-    type Change = fn(&mut PlantFile);
     let cases: [(&str, Change, f64, f64); 6] = [
         ("nominal", |_| {}, 0.142, 0.1),
         (

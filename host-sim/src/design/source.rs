@@ -50,7 +50,6 @@ pub fn source<const N: usize, const S: usize>(design: &Design, origin: &str) -> 
          \n\
          /// All that the core knows of the drive.\n\
          #[rustfmt::skip]\n\
-         #[allow(clippy::unreadable_literal)]\n\
          pub const GAINS: Gains<LOADS, STATES> = Gains {{\n\
          {I}sample_time: {:?}, // s\n\
          {I}encoder: EncoderGains {{ resolution: {:?}, counter_bits: {} }}, // m\n\
