@@ -18,7 +18,7 @@
 //!   unobservable and drifts under any force the model lacks: for comparison only. `S = 2 N + 2`.
 //!
 //! Only the coefficients `F, g, c, L` differ; they come from the design
-//! ([`ObserverGains`](crate::gains::ObserverGains)).
+//! ([`ObserverGains`]).
 
 use crate::gains::ObserverGains;
 use crate::units::{Current, Force, Position, Velocity};
