@@ -1,0 +1,68 @@
+//! The firmware's ELF: what goes where in memory, and where its symbols are.
+
+use object::{Object, ObjectSymbol};
+
+/// Start of flash.
+pub const FLASH: u32 = 0x0800_0000;
+/// Size of flash, STM32F405RG.
+pub const FLASH_SIZE: u32 = 1024 * 1024;
+/// Start of SRAM.
+pub const RAM: u32 = 0x2000_0000;
+/// Size of SRAM.
+pub const RAM_SIZE: u32 = 128 * 1024;
+
+/// A firmware image, as a programmer would flash it.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// Content of flash.
+    pub flash: Vec<u8>,
+    symbols: Vec<(String, u32)>,
+}
+
+impl Image {
+    /// Reads an ELF.
+    ///
+    /// # Errors
+    /// One sentence when this is no ELF for this processor or does not fit its flash.
+    pub fn parse(elf: &[u8]) -> Result<Self, String> {
+        let file = object::File::parse(elf).map_err(|error| format!("not an ELF: {error}"))?;
+        if file.architecture() != object::Architecture::Arm || file.is_64() {
+            return Err("not an ELF for a 32-bit Arm processor".into());
+        }
+        let mut flash = vec![0xFF; FLASH_SIZE as usize];
+        let object::File::Elf32(elf32) = &file else {
+            return Err("not a 32-bit ELF".into());
+        };
+        let endian = elf32.endian();
+        for segment in elf32.elf_program_headers() {
+            use object::read::elf::ProgramHeader;
+            let data = segment.data(endian, elf).map_err(|()| "a segment lies outside the file")?;
+            if segment.p_type(endian) != object::elf::PT_LOAD || data.is_empty() {
+                continue;
+            }
+            // Where it is stored, not where it is run: what start-up copies lies in flash.
+            let offset = segment.p_paddr(endian).wrapping_sub(FLASH) as usize;
+            let place = offset.checked_add(data.len()).and_then(|end| flash.get_mut(offset..end));
+            place.ok_or("a segment lies outside of flash")?.copy_from_slice(data);
+        }
+        let symbols = file.symbols().filter_map(|symbol| {
+            Some((symbol.name().ok()?.to_owned(), u32::try_from(symbol.address()).ok()?))
+        });
+        let symbols = symbols.collect();
+        Ok(Self { flash, symbols })
+    }
+
+    /// Address of a symbol.
+    #[must_use]
+    pub fn symbol(&self, name: &str) -> Option<u32> {
+        self.symbols.iter().find(|(known, _)| known == name).map(|(_, address)| *address)
+    }
+
+    /// A word of flash.
+    #[must_use]
+    pub fn word(&self, address: u32) -> u32 {
+        let offset = address.wrapping_sub(FLASH) as usize;
+        let bytes = self.flash.get(offset..offset + 4);
+        bytes.map_or(0, |bytes| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+    }
+}

@@ -1,0 +1,132 @@
+//! Reset and clock control [7]: oscillators that are ready at once, the clock tree, and which
+//! peripheral has its clock.
+
+use super::{Peripheral, Unknown};
+
+/// Crystal of the board, Hz.
+const HSE: u64 = 8_000_000;
+const HSI: u64 = 16_000_000;
+
+/// The registers.
+#[derive(Clone, Debug)]
+pub struct Rcc {
+    cr: u32,
+    pll: u32,
+    cfgr: u32,
+    pll_i2s: u32,
+    /// AHB1, AHB2, AHB3, -, APB1, APB2: resets from 0x10, enables from 0x30.
+    resets: [u32; 6],
+    enables: [u32; 6],
+    csr: u32,
+}
+
+impl Default for Rcc {
+    fn default() -> Self {
+        Self {
+            cr: 0x83,
+            pll: 0x2400_3010,
+            cfgr: 0,
+            pll_i2s: 0x2000_3000,
+            resets: [0; 6],
+            enables: [0x0010_0000, 0, 0, 0, 0, 0],
+            csr: 0x0E00_0000,
+        }
+    }
+}
+
+impl Rcc {
+    /// Frequency of the processor, Hz.
+    #[must_use]
+    pub fn processor_hz(&self) -> u64 {
+        let source = match self.cfgr & 0b11 {
+            0b01 => HSE,
+            0b10 => {
+                let input = if self.pll & 1 << 22 != 0 { HSE } else { HSI };
+                let (m, n) = (u64::from(self.pll & 0x3F), u64::from(self.pll >> 6 & 0x1FF));
+                let p = 2 * (u64::from(self.pll >> 16 & 0b11) + 1);
+                input / m.max(1) * n / p
+            }
+            _ => HSI,
+        };
+        match self.cfgr >> 4 & 0xF {
+            divider @ 8.. => source >> [1, 2, 3, 4, 6, 7, 8, 9][divider as usize - 8],
+            _ => source,
+        }
+    }
+
+    /// Processor cycles per cycle of the timers on APB1: these run at twice the bus frequency
+    /// when the bus is divided [7.2].
+    #[must_use]
+    pub fn cycles_per_timer_cycle(&self) -> u64 {
+        match self.cfgr >> 10 & 0b111 {
+            divider @ 0b101.. => 1 << (divider - 0b100),
+            _ => 1,
+        }
+    }
+
+    /// Whether a peripheral on AHB1 has its clock.
+    #[must_use]
+    pub fn ahb1(&self, bit: u32) -> bool {
+        self.enables[0] >> bit & 1 == 1
+    }
+
+    /// Whether a peripheral on APB1 has its clock.
+    #[must_use]
+    pub fn apb1(&self, bit: u32) -> bool {
+        self.enables[4] >> bit & 1 == 1
+    }
+}
+
+impl Peripheral for Rcc {
+    fn read(&mut self, offset: u32, _: u64) -> Result<u32, Unknown> {
+        let bus = |offset: u32, base: u32| ((offset - base) / 4) as usize;
+        match offset {
+            // Each ready bit follows its enable bit at once.
+            0x00 => Ok(self.cr & !0x0A02_0002 | (self.cr & 0x0501_0001) << 1),
+            0x04 => Ok(self.pll),
+            // The switch status follows the switch.
+            0x08 => Ok(self.cfgr & !0b1100 | (self.cfgr & 0b11) << 2),
+            0x10..0x28 => Ok(self.resets[bus(offset, 0x10)]),
+            0x30..0x48 => Ok(self.enables[bus(offset, 0x30)]),
+            // The internal low-speed oscillator is ready when it is on.
+            0x74 => Ok(self.csr & !0b10 | (self.csr & 1) << 1),
+            0x84 => Ok(self.pll_i2s),
+            _ => Err(Unknown),
+        }
+    }
+
+    fn write(&mut self, offset: u32, value: u32, _: u64) -> Result<(), Unknown> {
+        let bus = |offset: u32, base: u32| ((offset - base) / 4) as usize;
+        match offset {
+            0x00 => self.cr = value,
+            0x04 => self.pll = value,
+            0x08 => self.cfgr = value,
+            0x10..0x28 => self.resets[bus(offset, 0x10)] = value,
+            0x30..0x48 => self.enables[bus(offset, 0x30)] = value,
+            0x74 => self.csr = value,
+            0x84 => self.pll_i2s = value,
+            _ => return Err(Unknown),
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 8 MHz / 4 * 168 / 2 = 168 MHz, APB1 divided by 4: timers at 84 MHz.
+    #[test]
+    fn clock_tree() {
+        let mut rcc = Rcc::default();
+        assert_eq!(rcc.processor_hz(), 16_000_000);
+        rcc.write(0x04, 1 << 22 | 168 << 6 | 4, 0).unwrap();
+        rcc.write(0x08, 0b101 << 10 | 0b10, 0).unwrap();
+        assert_eq!((rcc.processor_hz(), rcc.cycles_per_timer_cycle()), (168_000_000, 2));
+        assert_eq!(rcc.read(0x08, 0).unwrap() & 0b1100, 0b1000);
+        rcc.write(0x00, 0x0101_0001, 0).unwrap();
+        assert_eq!(rcc.read(0x00, 0).unwrap(), 0x0303_0003);
+        rcc.write(0x40, 1 << 1, 0).unwrap();
+        assert!(rcc.apb1(1) && !rcc.apb1(0));
+    }
+}
