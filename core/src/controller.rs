@@ -7,16 +7,17 @@
 //! The command is `i = i_ff − K (x_hat − x_ref) + d / k_f`, limited; a value that is not finite
 //! anywhere ends in a fault and zero current.
 
+use crate::commissioning::{self, Action, Commissioning};
 use crate::disturbance::{self, ForceObservers};
 use crate::encoder::{self, Encoder};
 use crate::gains::{Gains, GainsError};
 use crate::limits::Limits;
-use crate::observer::{self, ActuatorMotion, Observer};
+use crate::observer::{self, ActuatorMotion, Estimate, Observer};
 use crate::reference::{self, Generator};
 use crate::regulator::Regulator;
 use crate::supervisor::{Fault, State, Supervisor};
 use crate::telemetry::Telemetry;
-use crate::units::{Counts, Current, Position};
+use crate::units::{Counts, Current, Force, Position, Velocity};
 
 /// What the drive measures once per period.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +42,9 @@ pub struct Command {
 /// What can be asked of the drive. A request takes effect with the next step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Request {
-    /// Close the loop where the actuator stands; idle drives only.
+    /// Prove the signs of encoder and current by a small motion; idle or ready drives only.
+    Commission,
+    /// Close the loop where the actuator stands; ready drives only.
     Start,
     /// Open the loop; acknowledges a fault.
     Stop,
@@ -61,6 +64,7 @@ pub struct Controller<const N: usize, const S: usize> {
     regulator: Regulator<N>,
     limits: Limits,
     generator: Generator,
+    commissioning: Commissioning,
     /// `1 / k_f`, A/N.
     current_per_force: f32,
     memory: Memory<N, S>,
@@ -74,6 +78,7 @@ struct Memory<const N: usize, const S: usize> {
     forces: disturbance::State,
     observer: observer::State<S>,
     reference: reference::State,
+    commissioning: commissioning::State,
     /// The next step initialises the observers at the measured position.
     starting: bool,
     pending: Option<Request>,
@@ -100,6 +105,11 @@ impl<const N: usize, const S: usize> Controller<N, S> {
             regulator: gains.regulator,
             limits: gains.limits,
             generator: Generator::new(gains.motion, force_constant, gains.sample_time),
+            commissioning: Commissioning::new(
+                &gains.limits,
+                gains.encoder.resolution,
+                gains.sample_time,
+            ),
             current_per_force: 1.0 / force_constant,
             memory: Memory {
                 supervisor: Supervisor::default(),
@@ -107,6 +117,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
                 forces: disturbance::State::default(),
                 observer: observer.at_rest(Position(0.0)),
                 reference: reference::State::default(),
+                commissioning: commissioning::State::default(),
                 starting: false,
                 pending: None,
                 telemetry: Telemetry::default(),
@@ -119,6 +130,13 @@ impl<const N: usize, const S: usize> Controller<N, S> {
     pub fn request(&mut self, request: Request) {
         let memory = &mut self.memory;
         match request {
+            Request::Commission => {
+                if memory.supervisor.commission() {
+                    memory.commissioning = commissioning::State::default();
+                    memory.starting = true;
+                    memory.pending = None;
+                }
+            }
             Request::Start => {
                 if memory.supervisor.start() {
                     memory.starting = true;
@@ -161,17 +179,15 @@ impl<const N: usize, const S: usize> Controller<N, S> {
         memory.telemetry.count = measurement.count.0;
         memory.telemetry.position = reading.position.0;
 
-        let command = if memory.supervisor.state() == State::Running {
-            match self.run(measurement, reading) {
-                Ok(command) => command,
-                Err(fault) => {
-                    self.memory.supervisor.trip(fault);
-                    Command::default()
-                }
-            }
-        } else {
-            Command::default()
+        let result = match memory.supervisor.state() {
+            State::Running => self.run(measurement, reading),
+            State::Commissioning => self.commission(reading),
+            State::Idle | State::Ready | State::Fault(_) => Ok(Command::default()),
         };
+        let command = result.unwrap_or_else(|fault| {
+            self.memory.supervisor.trip(fault);
+            Command::default()
+        });
 
         let telemetry = &mut self.memory.telemetry;
         telemetry.state = self.memory.supervisor.state();
@@ -181,6 +197,45 @@ impl<const N: usize, const S: usize> Controller<N, S> {
             telemetry.applied_current = measurement.current.0;
         }
         command
+    }
+
+    /// Commissioning: open loop until the signs are proven, closed from then on.
+    fn commission(&mut self, reading: encoder::Reading) -> Result<Command, Fault> {
+        let memory = &mut self.memory;
+        if reading.jump {
+            return Err(Fault::EncoderJump);
+        }
+        let action = self
+            .commissioning
+            .step(&mut memory.commissioning, reading.position)?;
+        match action {
+            Action::Wait => Ok(Command::default()),
+            Action::Push(current) => limited(&self.limits, current),
+            Action::Brake(origin) => {
+                let mut displacement = reading.displacement;
+                if memory.starting {
+                    memory.starting = false;
+                    memory.forces = disturbance::State::default();
+                    displacement = 0.0;
+                }
+                let forces = self
+                    .forces
+                    .step(&mut memory.forces, displacement, Current(0.0));
+                let rigid = Estimate {
+                    position: reading.position,
+                    velocity: forces.velocity,
+                    deflection: [0.0; N],
+                    load_velocity: [forces.velocity.0; N],
+                    disturbance: Force(0.0),
+                };
+                let current = self.regulator.step(&rigid, origin, Velocity(0.0));
+                limited(&self.limits, current)
+            }
+            Action::Done => {
+                memory.supervisor.commissioned();
+                Ok(Command::default())
+            }
+        }
     }
 
     fn run(
@@ -247,7 +302,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
             .step(&estimate, setpoint.position, setpoint.velocity);
         let current =
             setpoint.feed_forward.0 + feedback.0 + estimate.disturbance.0 * self.current_per_force;
-        let limited = self.limits.step(Current(current)).ok_or(Fault::NonFinite)?;
+        let command = limited(&self.limits, Current(current))?;
 
         let telemetry = &mut memory.telemetry;
         telemetry.reference = setpoint.position.0;
@@ -259,12 +314,18 @@ impl<const N: usize, const S: usize> Controller<N, S> {
         for (position, deflection) in telemetry.load_position.iter_mut().zip(&estimate.deflection) {
             *position = estimate.position.0 + deflection;
         }
-        Ok(Command {
-            current: limited.current,
-            enable: true,
-            limited: limited.limited,
-        })
+        Ok(command)
     }
+}
+
+/// The command that applies a current as far as the limits allow.
+fn limited(limits: &Limits, current: Current) -> Result<Command, Fault> {
+    let limited = limits.step(current).ok_or(Fault::NonFinite)?;
+    Ok(Command {
+        current: limited.current,
+        enable: true,
+        limited: limited.limited,
+    })
 }
 
 #[cfg(test)]
@@ -330,8 +391,23 @@ mod tests {
         }
     }
 
+    /// Proves the signs on a rigid actuator that follows the current.
+    fn commission(controller: &mut Controller<1, 5>) {
+        controller.request(Request::Commission);
+        let mut position = controller.telemetry().position;
+        let (mut velocity, mut current) = (0.0_f32, 0.0_f32);
+        for _ in 0..2000 {
+            let count = (position / 1e-6) as i32 as u32;
+            current = controller.step(measured(count, current)).current.0;
+            velocity += 6.43 * current / 0.116 * 1e-3;
+            position += velocity * 1e-3;
+        }
+        assert_eq!(controller.state(), State::Ready);
+    }
+
     fn running() -> Controller<1, 5> {
         let mut controller = Controller::new(&gains()).unwrap();
+        commission(&mut controller);
         controller.request(Request::Start);
         controller
     }
@@ -343,6 +419,34 @@ mod tests {
         assert_eq!(controller.step(measured(100, 0.0)), Command::default());
         assert_eq!(controller.step(measured(350, 0.0)), Command::default());
         assert!((controller.telemetry().position - 350e-6).abs() < 1e-9);
+    }
+
+    #[test]
+    fn no_loop_is_closed_before_the_signs_are_proven() {
+        let mut controller = Controller::new(&gains()).unwrap();
+        controller.request(Request::Start);
+        assert_eq!(controller.step(measured(0, 0.0)), Command::default());
+        assert_eq!(controller.state(), State::Idle);
+    }
+
+    /// The encoder runs backwards: the drive stops while it has moved by a few counts only.
+    #[test]
+    fn a_wrong_sign_is_a_fault() {
+        let mut controller = Controller::new(&gains()).unwrap();
+        controller.request(Request::Commission);
+        let (mut position, mut velocity, mut current) = (0.0_f32, 0.0_f32, 0.0_f32);
+        for _ in 0..500 {
+            let count = (-position / 1e-6) as i32 as u32;
+            current = controller.step(measured(count, current)).current.0;
+            velocity += 6.43 * current / 0.116 * 1e-3;
+            position += velocity * 1e-3;
+            if controller.state() == State::Fault(Fault::Direction) {
+                break;
+            }
+        }
+        assert_eq!(controller.state(), State::Fault(Fault::Direction));
+        assert_eq!(current, 0.0);
+        assert!(position < 100e-6);
     }
 
     #[test]
@@ -378,7 +482,8 @@ mod tests {
             assert_eq!(controller.step(measured(count, 0.0)), Command::default());
             controller.request(Request::Stop);
             controller.request(Request::Start);
-            assert!(controller.step(measured(count, 0.0)).enable);
+            assert!(!controller.step(measured(count, 0.0)).enable);
+            commission(&mut controller);
         }
     }
 
@@ -462,6 +567,7 @@ mod tests {
                     1 => controller.request(Request::Stop),
                     2 => controller.request(Request::Step(Position(position))),
                     3 => controller.request(Request::Move(Position(position))),
+                    4 => controller.request(Request::Commission),
                     _ => {}
                 }
                 // Plausible measurements mostly, so that the drive keeps running for a while.
@@ -472,7 +578,8 @@ mod tests {
                 };
                 let command = controller.step(measurement);
                 prop_assert!(command.current.0.abs() <= 2.0);
-                prop_assert_eq!(command.enable, controller.state() == State::Running);
+                let may_act = matches!(controller.state(), State::Running | State::Commissioning);
+                prop_assert!(may_act || !command.enable);
                 prop_assert!(command.enable || command.current.0 == 0.0);
                 let record = controller.telemetry();
                 prop_assert!(record.command.is_finite() && record.applied_current.is_finite());

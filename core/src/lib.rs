@@ -17,6 +17,7 @@
 //! | [`reference`](mod@reference) | steps and jerk-limited moves | |
 //! | [`limits`] | limiting of the command | |
 //! | [`supervisor`] | states and faults of the drive | |
+//! | [`commissioning`] | a small motion that proves the signs | |
 //! | [`controller`] | the corridor: [`Controller::step`] | |
 //! | [`gains`] | plain data that a design fills in | |
 //! | [`telemetry`] | one record per step | |
@@ -29,19 +30,20 @@
 //!
 //! ```
 //! use arso_core::{Command, Controller, Counts, Current, Gains, GainsError, Measurement};
-//! use arso_core::{Position, Request};
+//! use arso_core::Request;
 //!
-//! /// First command of a 30 mm step from rest.
+//! /// First command of a new drive: it waits for rest before it proves its signs.
 //! fn first_command(gains: &Gains<3, 9>) -> Result<Command, GainsError> {
 //!     let mut controller = Controller::new(gains)?;
-//!     controller.request(Request::Start);
-//!     controller.request(Request::Step(Position(0.03)));
+//!     controller.request(Request::Commission);
+//!     // When it is ready: Request::Start, then Request::Step(Position(0.03)).
 //!     Ok(controller.step(Measurement { count: Counts(0), current: Current(0.0) }))
 //! }
 //! ```
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod commissioning;
 pub mod controller;
 pub mod disturbance;
 pub mod encoder;

@@ -1,11 +1,12 @@
 //! States of the drive, and the faults that stop it.
 //!
 //! ```text
-//! Idle --Start--> Running --Stop--> Idle
+//! Idle --Commission--> Commissioning --signs proven--> Ready --Start--> Running --Stop--> Ready
 //! any state --fault--> Fault --Stop--> Idle
 //! ```
 //!
-//! Current flows in `Running` alone. A fault is latched, takes effect in the period in which it
+//! Current flows in `Commissioning` and `Running` alone. The loop is never closed before the signs
+//! of encoder and current have been proven since the last reset or fault. A fault is latched, takes effect in the period in which it
 //! is found, and is left only by an explicit `Stop`; a limit that merely acts (current limited)
 //! is no fault and shows in the telemetry.
 
@@ -27,6 +28,14 @@ pub enum Fault {
     Target = 3,
     /// The current said to have been applied is beyond the limit: output and command disagree.
     AppliedCurrent = 4,
+    /// Commissioning: a positive current moves the encoder backwards. Phases of the encoder or
+    /// leads of the motor are swapped.
+    Direction = 5,
+    /// Commissioning: the encoder does not move though current flows. Encoder, amplifier or motor
+    /// is not connected, or something holds the actuator.
+    NoMotion = 6,
+    /// Commissioning: the actuator does not come to rest.
+    NotAtRest = 7,
 }
 
 impl Fault {
@@ -46,9 +55,13 @@ impl Fault {
     serde(rename_all = "snake_case")
 )]
 pub enum State {
-    /// No current; the encoder is read.
+    /// No current; the encoder is read. The signs are not proven.
     #[default]
     Idle,
+    /// The signs are being proven.
+    Commissioning,
+    /// No current; the loop may be closed.
+    Ready,
     /// The loop is closed.
     Running,
     /// No current, until `Stop` acknowledges the fault.
@@ -68,18 +81,37 @@ impl Supervisor {
         self.state
     }
 
-    /// From idle to running; whether that happened.
-    pub fn start(&mut self) -> bool {
-        let idle = self.state == State::Idle;
-        if idle {
-            self.state = State::Running;
+    /// From idle or ready to commissioning; whether that happened.
+    pub fn commission(&mut self) -> bool {
+        let resting = matches!(self.state, State::Idle | State::Ready);
+        if resting {
+            self.state = State::Commissioning;
         }
-        idle
+        resting
     }
 
-    /// To idle from any state; acknowledges a fault.
+    /// The signs are proven.
+    pub fn commissioned(&mut self) {
+        if self.state == State::Commissioning {
+            self.state = State::Ready;
+        }
+    }
+
+    /// From ready to running; whether that happened.
+    pub fn start(&mut self) -> bool {
+        let ready = self.state == State::Ready;
+        if ready {
+            self.state = State::Running;
+        }
+        ready
+    }
+
+    /// Ends whatever is going on; acknowledges a fault.
     pub fn stop(&mut self) {
-        self.state = State::Idle;
+        self.state = match self.state {
+            State::Running | State::Ready => State::Ready,
+            State::Idle | State::Commissioning | State::Fault(_) => State::Idle,
+        };
     }
 
     /// Latches a fault; the first one stays.
@@ -95,15 +127,34 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_loop_is_closed_only_after_commissioning() {
+        let mut supervisor = Supervisor::default();
+        supervisor.commissioned();
+        assert!(!supervisor.start());
+        assert!(supervisor.commission() && !supervisor.commission());
+        assert!(!supervisor.start());
+        supervisor.stop();
+        assert_eq!(supervisor.state(), State::Idle);
+        supervisor.commission();
+        supervisor.commissioned();
+        assert!(supervisor.start() && !supervisor.start());
+        supervisor.stop();
+        assert_eq!(supervisor.state(), State::Ready);
+        assert!(supervisor.start());
+        supervisor.trip(Fault::EncoderJump);
+        supervisor.stop();
+        assert!(!supervisor.start());
+    }
+
+    #[test]
     fn the_first_fault_stays_until_it_is_acknowledged() {
         let mut supervisor = Supervisor::default();
-        assert!(supervisor.start() && !supervisor.start());
         supervisor.trip(Fault::EncoderJump);
         supervisor.trip(Fault::NonFinite);
         assert!(!supervisor.start());
         assert_eq!(supervisor.state(), State::Fault(Fault::EncoderJump));
+        assert!(!supervisor.commission());
         supervisor.stop();
         assert_eq!(supervisor.state(), State::Idle);
-        assert!(supervisor.start());
     }
 }

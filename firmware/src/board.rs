@@ -18,6 +18,7 @@ mod encoder;
 mod inputs;
 mod rtt;
 mod safe_stop;
+mod watchdog;
 
 pub(crate) use control_timer::ControlTimer;
 pub(crate) use current_output::{CurrentOutput, DacOutput};
@@ -25,6 +26,7 @@ pub(crate) use cycles::Cycles;
 pub(crate) use encoder::Encoder;
 pub(crate) use inputs::{Inputs, Levels};
 pub(crate) use safe_stop::stop;
+pub(crate) use watchdog::Watchdog;
 
 use stm32f4xx_hal::pac;
 use stm32f4xx_hal::prelude::*;
@@ -40,6 +42,7 @@ pub(crate) struct Board {
     pub(crate) output: DacOutput,
     pub(crate) cycles: Cycles,
     pub(crate) inputs: Inputs,
+    pub(crate) watchdog: Watchdog,
 }
 
 /// Sets the board up; the amplifier is disabled throughout.
@@ -65,6 +68,7 @@ pub(crate) fn start(device: pac::Peripherals, core: cortex_m::Peripherals) -> Bo
             port_c.pc0.into_pull_down_input(),
             port_c.pc1.into_pull_down_input(),
         ),
+        watchdog: Watchdog::new(device.IWDG, &device.DBGMCU),
         timer: ControlTimer::new(device.TIM2, &mut rcc),
     }
 }

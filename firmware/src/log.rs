@@ -45,6 +45,8 @@ impl Log {
             self.state = record.state;
             match record.state {
                 State::Idle => defmt::info!("idle"),
+                State::Commissioning => defmt::info!("commissioning"),
+                State::Ready => defmt::info!("ready"),
                 State::Running => defmt::info!("running"),
                 State::Fault(fault) => {
                     defmt::error!(

@@ -32,7 +32,9 @@ mod switches;
 #[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac)]
 mod app {
-    use crate::board::{self, ControlTimer, CurrentOutput, Cycles, DacOutput, Encoder, Inputs};
+    use crate::board::{
+        self, ControlTimer, CurrentOutput, Cycles, DacOutput, Encoder, Inputs, Watchdog,
+    };
     use crate::gains::{GAINS, LOADS, STATES};
     use crate::log::Log;
     use crate::switches::Switches;
@@ -62,6 +64,7 @@ mod app {
 
     /// What the idle loop owns.
     pub(crate) struct Idle {
+        watchdog: Watchdog,
         inputs: Inputs,
         switches: Switches,
         log: Log,
@@ -96,6 +99,7 @@ mod app {
             records: records_in,
             requests: requests_out,
             idle: Idle {
+                watchdog: board.watchdog,
                 inputs: board.inputs,
                 switches: Switches::default(),
                 log: Log::new(GAINS.sample_time),
@@ -135,6 +139,7 @@ mod app {
     #[idle(local = [idle])]
     fn idle(cx: idle::Context) -> ! {
         let Idle {
+            watchdog,
             inputs,
             switches,
             log,
@@ -147,8 +152,13 @@ mod app {
                 board::wait_for_interrupt();
                 continue;
             };
+            watchdog.feed();
             log.record(&record);
-            for request in switches.sample(inputs.read()).into_iter().flatten() {
+            for request in switches
+                .sample(inputs.read(), record.state)
+                .into_iter()
+                .flatten()
+            {
                 if requests.enqueue(request).is_err() {
                     defmt::warn!("a request was lost: the control interrupt takes none");
                 }

@@ -3,13 +3,14 @@
 //! | run | target switches | |
 //! |---|---|---|
 //! | off | | stop |
+//! | on | any | first: prove the signs (commissioning), then start |
 //! | on | 0 | step to the origin |
 //! | on | 1 | step to 30 mm |
 //! | on | 2 | step to 15 mm |
 //! | on | 3 | jerk-limited move to 30 mm |
 
 use crate::board::Levels;
-use arso_core::{Position, Request};
+use arso_core::{Position, Request, State};
 
 /// Control periods for which the switches must agree before they count.
 const DEBOUNCE: u8 = 10;
@@ -20,25 +21,49 @@ pub(crate) struct Switches {
     settled: Levels,
     candidate: Levels,
     periods: u8,
+    asked: Asked,
+}
+
+/// What has been asked of the drive since the run switch was closed.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+enum Asked {
+    #[default]
+    Nothing,
+    Commission,
+    Start,
 }
 
 impl Switches {
-    /// Takes the levels of one period; gives what they newly ask for.
-    pub(crate) fn sample(&mut self, levels: Levels) -> [Option<Request>; 2] {
+    /// Takes the levels of one period and the drive's state; gives what is to be asked of it.
+    pub(crate) fn sample(&mut self, levels: Levels, state: State) -> [Option<Request>; 2] {
         if levels != self.candidate {
             self.candidate = levels;
             self.periods = 0;
         }
         self.periods = self.periods.saturating_add(1);
-        if self.periods < DEBOUNCE || self.settled == levels {
+        if self.periods >= DEBOUNCE && self.settled != levels {
+            let before = core::mem::replace(&mut self.settled, levels);
+            if before.run && !levels.run {
+                self.asked = Asked::Nothing;
+                return [Some(Request::Stop), None];
+            }
+            if before.target != levels.target && self.asked == Asked::Start {
+                return [Some(target(levels.target)), None];
+            }
+        }
+        if !self.settled.run {
             return [None, None];
         }
-        let before = core::mem::replace(&mut self.settled, levels);
-        match (before.run, levels.run) {
-            (false, true) => [Some(Request::Start), Some(target(levels.target))],
-            (true, false) => [Some(Request::Stop), None],
-            (true, true) => [Some(target(levels.target)), None],
-            (false, false) => [None, None],
+        match (state, self.asked) {
+            (State::Idle, Asked::Nothing) => {
+                self.asked = Asked::Commission;
+                [Some(Request::Commission), None]
+            }
+            (State::Ready, Asked::Nothing | Asked::Commission) => {
+                self.asked = Asked::Start;
+                [Some(Request::Start), Some(target(self.settled.target))]
+            }
+            _ => [None, None],
         }
     }
 }

@@ -4,10 +4,11 @@
 //! plant --count--> core --current--> plant      (the core also gets the current it commanded)
 //! ```
 //!
-//! Beside the core runs, on a plant of its own, feedback of the true state with the same gain
+//! Before each experiment the core is commissioned on the same plant, as on the machine. Beside
+//! it runs, on a plant of its own, feedback of the true state with the same gain
 //! `K`: the bound that no observer can beat.
 
-use crate::corridor::{Record, corridor};
+use crate::corridor::{Corridor, Record, corridor};
 use crate::design::Design;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
@@ -83,7 +84,7 @@ pub fn simulate(
     let mut plant = Plant::new(file, period);
     plant.set_state(scenario.initial_state(plant.chain()));
     let mut control: Box<dyn Control> = match law {
-        Law::Core => Box::new(Core::new(design, scenario)?),
+        Law::Core => Box::new(Core::new(design, file, scenario)?),
         Law::FullState => Box::new(FullState::new(design, scenario)),
     };
 
@@ -132,12 +133,14 @@ trait Control {
     fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<Step>;
 }
 
-struct Core(Box<dyn crate::corridor::Corridor>);
+struct Core(Box<dyn Corridor>);
 
 impl Core {
-    fn new(design: &Design, scenario: &Scenario) -> Result<Self> {
+    /// A core that has proven its signs on this plant and is asked for the experiment.
+    fn new(design: &Design, file: &PlantFile, scenario: &Scenario) -> Result<Self> {
         let refused = |error: arso_core::GainsError| Error::Design(error.to_string());
         let mut core = corridor(design).map_err(refused)?;
+        commission(core.as_mut(), file, design.drive.control.sample_time)?;
         core.request(Request::Start);
         let target = Position(scenario.target as f32);
         core.request(match scenario.kind {
@@ -146,6 +149,40 @@ impl Core {
         });
         Ok(Self(core))
     }
+}
+
+/// Longest commissioning: rest, ramp and return all at the end of their patience, s.
+const COMMISSIONING: f64 = 5.0;
+
+/// Commissions a core on a plant at rest, without external forces.
+///
+/// # Errors
+/// [`Error::Simulation`] when that ends in a fault.
+pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Result<()> {
+    let quiet = PlantFile {
+        forces: Vec::new(),
+        ..file.clone()
+    };
+    let mut plant = Plant::new(&quiet, period);
+    core.request(Request::Commission);
+    let mut current = Current(0.0);
+    let mut time = 0.0;
+    while time < COMMISSIONING {
+        let count = Counts(plant.count());
+        current = core.step(Measurement { count, current }).current;
+        match core.record().state {
+            State::Ready => return Ok(()),
+            State::Fault(fault) => {
+                let number = fault.number();
+                let message = format!("commissioning ended with fault {number} ({fault:?})");
+                return Err(Error::Simulation(message));
+            }
+            _ => {}
+        }
+        plant.advance(current.0.into())?;
+        time += period;
+    }
+    Err(Error::Simulation("commissioning did not end".into()))
 }
 
 impl Control for Core {

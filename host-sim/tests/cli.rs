@@ -127,30 +127,37 @@ fn a_plant_that_differs_is_simulated() {
     assert!(settling > 0.6, "{settling}");
 }
 
-/// A drive that faults in the simulation is a failed run, told after its figures.
+/// A drive that faults in the simulation is a failed run, told after its figures; a drive that
+/// cannot be commissioned has no figures.
 #[test]
 fn a_fault_is_a_failed_run() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("plant.toml");
-    // A motor that is wired the wrong way round would be a negative constant; here the encoder's
-    // counts are so fine that they overrun a quarter of the counter in one period.
-    fs::write(
-        &path,
-        DRIVE.replace("resolution = 1e-6 ", "resolution = 1e-9 "),
-    )
-    .unwrap();
     let out = directory.path().to_str().unwrap();
-    let (code, text, error) = run(&[
+    let arguments = [
         "--plant",
         path.to_str().unwrap(),
         "--scenario",
         "fig3",
         "--out",
         out,
-    ]);
+    ];
+    // A blow that moves the encoder by more than a quarter of its range in one period.
+    let blow = "[[force]]\nmass = 0\nstart = 0.1\nduration = 0.01\nnewton = 5000.0\n";
+    fs::write(&path, format!("{DRIVE}\n{blow}")).unwrap();
+    let (code, text, error) = run(&arguments);
     assert_eq!(code, 1);
     assert!(text.contains("fault 2"), "{text}");
     assert!(error.contains("EncoderJump"), "{error}");
+
+    // Friction beyond what half of the current can move.
+    fs::write(&path, format!("{DRIVE}\n[friction]\ncoulomb = 10.0\n")).unwrap();
+    let (code, text, error) = run(&arguments);
+    assert_eq!((code, text.as_str()), (1, ""));
+    assert!(
+        error.contains("commissioning ended with fault 6 (NoMotion)"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -8,7 +8,7 @@ use host_sim::corridor::corridor;
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::scenario::Scenario;
-use host_sim::simulate::{Law, simulate};
+use host_sim::simulate::{Law, commission, simulate};
 
 const STEPS: usize = 1200;
 const TARGET: f64 = 0.03;
@@ -45,6 +45,12 @@ fn core_follows_the_reference_step_by_step() {
         let recorded = closed_loop(&reference_drive, &gains, observer, TARGET, &rest, STEPS);
 
         let mut core = corridor(&design).unwrap();
+        commission(
+            core.as_mut(),
+            &PlantFile::from(&drive),
+            drive.control.sample_time,
+        )
+        .unwrap();
         core.request(Request::Start);
         core.request(Request::Step(Position(TARGET as f32)));
         let mut reference = ReferenceController::new(&reference_drive, &gains, observer);

@@ -1,7 +1,7 @@
 //! The end of the road: panic, fault of the processor, interrupt that nobody serves.
 //!
 //! The amplifier is switched off first, by registers alone, whatever state the program is in;
-//! then nothing more is done until a reset.
+//! then nothing more is done until the watchdog resets the processor, which comes up idle.
 
 use super::current_output::DacCode;
 use core::sync::atomic::{Ordering, compiler_fence};

@@ -99,7 +99,11 @@ impl Bus {
     /// When something will happen next without the processor's doing.
     #[must_use]
     pub fn next_event(&self) -> Option<u64> {
-        let events = [self.tick.next_update(), self.systick.next_zero(), self.watchdog.expires()];
+        let events = [
+            self.tick.next_update(),
+            self.systick.next_zero(),
+            self.watchdog.expires(),
+        ];
         events.into_iter().flatten().min()
     }
 
@@ -107,7 +111,9 @@ impl Bus {
     #[must_use]
     pub fn current_reference(&self) -> Option<u16> {
         use super::peripheral::gpio::Mode;
-        self.converter.output().filter(|_| self.ports[0].mode(4) == Mode::Analog)
+        self.converter
+            .output()
+            .filter(|_| self.ports[0].mode(4) == Mode::Analog)
     }
 
     /// Whether the encoder's phases reach the decoder.
@@ -115,7 +121,10 @@ impl Bus {
     pub fn encoder_connected(&self) -> bool {
         use super::peripheral::gpio::Mode;
         let port = &self.ports[2];
-        [6, 7].iter().all(|pin| port.mode(*pin) == Mode::Alternate(2)) && self.rcc.apb1(1)
+        [6, 7]
+            .iter()
+            .all(|pin| port.mode(*pin) == Mode::Alternate(2))
+            && self.rcc.apb1(1)
     }
 
     fn target(&mut self, address: u32) -> Result<(Target<'_>, u32), Unknown> {
@@ -138,7 +147,11 @@ impl Bus {
             0xE000_ED00..0xE000_F000 => (true, 0xE000_ED00, &mut self.system),
             _ => return Err(Unknown),
         };
-        let target = if clocked { Target::Model(model) } else { Target::Unclocked };
+        let target = if clocked {
+            Target::Model(model)
+        } else {
+            Target::Unclocked
+        };
         Ok((target, address - base))
     }
 
@@ -157,11 +170,15 @@ impl Bus {
             // ICSR: the active exception.
             0xE000_ED04 => return Ok(self.nvic.active()),
             0xE000_ED18..0xE000_ED24 => {
-                return Ok(self.nvic.system_priority((address - 0xE000_ED18) as usize / 4));
+                return Ok(self
+                    .nvic
+                    .system_priority((address - 0xE000_ED18) as usize / 4));
             }
             0xE000_EDFC => return Ok(u32::from(self.cycle_counter.trace) << 24),
             // Which clocks stop while a debugger halts the processor [38.16.3].
-            0xE004_2008 | 0xE004_200C => return Ok(self.debug_freeze[(address as usize - 0xE004_2008) / 4]),
+            0xE004_2008 | 0xE004_200C => {
+                return Ok(self.debug_freeze[(address as usize - 0xE004_2008) / 4]);
+            }
             _ => {}
         }
         match self.target(address)? {
@@ -192,10 +209,13 @@ impl Bus {
         match address {
             0xE000_E100..0xE000_E500 => self.nvic.write(address - 0xE000_E100, value)?,
             0xE000_ED18..0xE000_ED24 => {
-                self.nvic.set_system_priority((address - 0xE000_ED18) as usize / 4, value);
+                self.nvic
+                    .set_system_priority((address - 0xE000_ED18) as usize / 4, value);
             }
             0xE000_EDFC => self.cycle_counter.trace = value >> 24 & 1 == 1,
-            0xE004_2008 | 0xE004_200C => self.debug_freeze[(address as usize - 0xE004_2008) / 4] = value,
+            0xE004_2008 | 0xE004_200C => {
+                self.debug_freeze[(address as usize - 0xE004_2008) / 4] = value
+            }
             _ => match self.target(address)? {
                 (Target::Model(model), offset) => model.write(offset, value, now)?,
                 (Target::Unclocked, _) => {}
@@ -252,7 +272,11 @@ mod tests {
     #[test]
     fn a_patch_changes_what_is_written() {
         let mut bus = Bus::new();
-        bus.patch = Some(Patch { address: 0x4002_3840, mask: 2, value: 0 });
+        bus.patch = Some(Patch {
+            address: 0x4002_3840,
+            mask: 2,
+            value: 0,
+        });
         bus.write(0x4002_3840, 3).unwrap();
         assert_eq!((bus.read(0x4002_3840), bus.patched), (Ok(1), 1));
         bus.write(0x4002_3840, 1).unwrap();

@@ -46,6 +46,8 @@ pub enum Stop {
     WatchdogReset,
     /// The firmware asked for a reset.
     ResetRequested,
+    /// The drive does not come to hold its load though it is asked to.
+    NotCommissioned,
     /// Registers after an exception differ from those before it.
     RegistersDamaged {
         /// Where the exception was taken.
@@ -56,10 +58,21 @@ pub enum Stop {
 impl fmt::Display for Stop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Stop::UnknownRegister { address, written: None, pc } => {
-                write!(f, "read of the unknown register {address:#010x} at pc {pc:#010x}")
+            Stop::UnknownRegister {
+                address,
+                written: None,
+                pc,
+            } => {
+                write!(
+                    f,
+                    "read of the unknown register {address:#010x} at pc {pc:#010x}"
+                )
             }
-            Stop::UnknownRegister { address, written: Some(value), pc } => write!(
+            Stop::UnknownRegister {
+                address,
+                written: Some(value),
+                pc,
+            } => write!(
                 f,
                 "write of {value:#010x} to the unknown register {address:#010x} at pc {pc:#010x}"
             ),
@@ -69,8 +82,12 @@ impl fmt::Display for Stop {
             Stop::NoTick => f.write_str("no control period has begun for a second"),
             Stop::WatchdogReset => f.write_str("the watchdog was not fed in time"),
             Stop::ResetRequested => f.write_str("the firmware asked for a reset"),
+            Stop::NotCommissioned => f.write_str("the drive does not close its loop"),
             Stop::RegistersDamaged { pc } => {
-                write!(f, "an exception taken at pc {pc:#010x} came back with other registers")
+                write!(
+                    f,
+                    "an exception taken at pc {pc:#010x} came back with other registers"
+                )
             }
         }
     }
@@ -163,8 +180,15 @@ impl Board {
             u16::from_le_bytes([byte(at), byte(at + 1)])
         };
         // Erased flash holds no code.
-        let used = image.flash.iter().rposition(|byte| *byte != 0xFF).unwrap_or(0) + 1;
-        let code = (0..used).step_by(2).map(|at| timing::decode(halfword(at), halfword(at + 2)));
+        let used = image
+            .flash
+            .iter()
+            .rposition(|byte| *byte != 0xFF)
+            .unwrap_or(0)
+            + 1;
+        let code = (0..used)
+            .step_by(2)
+            .map(|at| timing::decode(halfword(at), halfword(at + 2)));
         let machine = Machine {
             bus: Bus::new(),
             code: code.collect(),
@@ -182,11 +206,17 @@ impl Board {
         set_up(&mut uc, image).expect("memory map and hooks");
 
         let stack_top = image.word(FLASH);
-        let stack_limit = image.symbol("__euninit").or(image.symbol("__ebss")).unwrap_or(RAM);
+        let stack_limit = image
+            .symbol("__euninit")
+            .or(image.symbol("__ebss"))
+            .unwrap_or(RAM);
         let unused = vec![STACK_PATTERN; stack_top.saturating_sub(stack_limit) as usize];
-        uc.mem_write(stack_limit.into(), &unused).expect("stack lies in memory");
-        uc.reg_write(RegisterARM::SP, stack_top.into()).expect("register");
-        uc.reg_write(RegisterARM::PC, image.word(FLASH + 4).into()).expect("register");
+        uc.mem_write(stack_limit.into(), &unused)
+            .expect("stack lies in memory");
+        uc.reg_write(RegisterARM::SP, stack_top.into())
+            .expect("register");
+        uc.reg_write(RegisterARM::PC, image.word(FLASH + 4).into())
+            .expect("register");
         Self {
             uc,
             frames: Vec::new(),
@@ -225,14 +255,19 @@ impl Board {
     pub fn stack_use(&self) -> (u32, u32) {
         let size = self.stack_top - self.stack_limit;
         let bytes = self.memory(self.stack_limit, size as usize);
-        let untouched = bytes.iter().take_while(|byte| **byte == STACK_PATTERN).count();
+        let untouched = bytes
+            .iter()
+            .take_while(|byte| **byte == STACK_PATTERN)
+            .count();
         (size - untouched as u32, size)
     }
 
     /// Memory as a debugger would read it; what is not mapped reads as nothing.
     #[must_use]
     pub fn memory(&self, address: u32, length: usize) -> Vec<u8> {
-        self.uc.mem_read_as_vec(address.into(), length).unwrap_or_default()
+        self.uc
+            .mem_read_as_vec(address.into(), length)
+            .unwrap_or_default()
     }
 
     /// Memory as a debugger would write it.
@@ -252,12 +287,28 @@ impl Board {
 
     fn registers(&self) -> Registers {
         let first = [
-            RegisterARM::R0, RegisterARM::R1, RegisterARM::R2, RegisterARM::R3, RegisterARM::R4,
-            RegisterARM::R5, RegisterARM::R6, RegisterARM::R7, RegisterARM::R8, RegisterARM::R9,
-            RegisterARM::R10, RegisterARM::R11, RegisterARM::R12, RegisterARM::SP,
-            RegisterARM::LR, RegisterARM::PC, RegisterARM::XPSR, RegisterARM::FPSCR,
+            RegisterARM::R0,
+            RegisterARM::R1,
+            RegisterARM::R2,
+            RegisterARM::R3,
+            RegisterARM::R4,
+            RegisterARM::R5,
+            RegisterARM::R6,
+            RegisterARM::R7,
+            RegisterARM::R8,
+            RegisterARM::R9,
+            RegisterARM::R10,
+            RegisterARM::R11,
+            RegisterARM::R12,
+            RegisterARM::SP,
+            RegisterARM::LR,
+            RegisterARM::PC,
+            RegisterARM::XPSR,
+            RegisterARM::FPSCR,
         ];
-        let general = first.into_iter().map(|register| self.uc.reg_read(register).unwrap_or(0));
+        let general = first
+            .into_iter()
+            .map(|register| self.uc.reg_read(register).unwrap_or(0));
         let float = (0..32).map(|i| self.uc.reg_read(RegisterARM::S0 as i32 + i).unwrap_or(0));
         general.chain(float).collect()
     }
@@ -277,7 +328,12 @@ impl Board {
             if machine.bus.ticks != ticks {
                 return Ok(());
             }
-            if machine.bus.watchdog.expires().is_some_and(|expires| expires <= machine.bus.now) {
+            if machine
+                .bus
+                .watchdog
+                .expires()
+                .is_some_and(|expires| expires <= machine.bus.now)
+            {
                 return Err(Stop::WatchdogReset);
             }
             if machine.bus.now > begin + machine.bus.rcc.processor_hz() {
@@ -364,7 +420,10 @@ impl Board {
         let target = self.memory(vector, 4);
         let target = target.try_into().map_or(0, u32::from_le_bytes);
         self.set_register(RegisterARM::SP, frame);
-        self.set_register(RegisterARM::LR, if handler { 0xFFFF_FFE1 } else { 0xFFFF_FFE9 });
+        self.set_register(
+            RegisterARM::LR,
+            if handler { 0xFFFF_FFE1 } else { 0xFFFF_FFE9 },
+        );
         self.set_register(RegisterARM::XPSR, exception | 1 << 24);
         self.set_register(RegisterARM::PC, target | 1);
 
@@ -412,7 +471,9 @@ impl Board {
             self.set_register(register, *value);
         }
         for (i, value) in float.iter().take(16).enumerate() {
-            let _ = self.uc.reg_write(RegisterARM::S0 as i32 + i as i32, (*value).into());
+            let _ = self
+                .uc
+                .reg_write(RegisterARM::S0 as i32 + i as i32, (*value).into());
         }
         if let Some(fpscr) = float.get(16) {
             self.set_register(RegisterARM::FPSCR, *fpscr);
@@ -464,22 +525,31 @@ fn set_up(uc: &mut Unicorn<'static, Machine>, image: &Image) -> Result<(), uc_er
         uc.mmio_map(
             base,
             size,
-            Some(move |uc: &mut Unicorn<'_, Machine>, offset: u64, size: usize| {
-                read(uc, base32 + offset as u32, size)
-            }),
-            Some(move |uc: &mut Unicorn<'_, Machine>, offset: u64, size: usize, value: u64| {
-                write(uc, base32 + offset as u32, size, value as u32);
-            }),
+            Some(
+                move |uc: &mut Unicorn<'_, Machine>, offset: u64, size: usize| {
+                    read(uc, base32 + offset as u32, size)
+                },
+            ),
+            Some(
+                move |uc: &mut Unicorn<'_, Machine>, offset: u64, size: usize, value: u64| {
+                    write(uc, base32 + offset as u32, size, value as u32);
+                },
+            ),
         )?;
     }
-    uc.add_code_hook(1, 0, |uc, address, _| before_instruction(uc, address as u32))?;
+    uc.add_code_hook(1, 0, |uc, address, _| {
+        before_instruction(uc, address as u32)
+    })?;
     uc.add_intr_hook(|uc, number| {
         // 8: branch to an EXC_RETURN value.
         let pause = if number == 8 {
             Pause::ExceptionReturn
         } else {
             let pc = uc.reg_read(RegisterARM::PC).unwrap_or(0) as u32;
-            Pause::Error(Stop::Fault { pc, error: format!("exception {number} of the emulator") })
+            Pause::Error(Stop::Fault {
+                pc,
+                error: format!("exception {number} of the emulator"),
+            })
         };
         uc.get_data_mut().pause.get_or_insert(pause);
         let _ = uc.emu_stop();
@@ -508,7 +578,10 @@ fn before_instruction(uc: &mut Unicorn<'_, Machine>, pc: u32) {
     let machine = uc.get_data_mut();
     let offset = if pc >= FLASH { pc - FLASH } else { pc };
     let Some(instruction) = machine.code.get(offset as usize / 2).copied() else {
-        machine.pause = Some(Pause::Error(Stop::Fault { pc, error: "code outside of flash".into() }));
+        machine.pause = Some(Pause::Error(Stop::Fault {
+            pc,
+            error: "code outside of flash".into(),
+        }));
         let _ = uc.emu_stop();
         return;
     };
@@ -553,7 +626,11 @@ fn read(uc: &mut Unicorn<'_, Machine>, address: u32, size: usize) -> u64 {
     if let Ok(value) = machine.bus.read(word) {
         return (value >> shift & mask).into();
     }
-    let stop = Stop::UnknownRegister { address, written: None, pc };
+    let stop = Stop::UnknownRegister {
+        address,
+        written: None,
+        pc,
+    };
     machine.pause = Some(Pause::Error(stop));
     let _ = uc.emu_stop();
     0
@@ -568,7 +645,9 @@ fn write(uc: &mut Unicorn<'_, Machine>, address: u32, size: usize, value: u32) {
     } else {
         let rest = machine.bus.read(word);
         rest.and_then(|rest| {
-            machine.bus.write(word, rest & !(mask << shift) | (value & mask) << shift)
+            machine
+                .bus
+                .write(word, rest & !(mask << shift) | (value & mask) << shift)
         })
     };
     machine.reschedule();
@@ -576,7 +655,11 @@ fn write(uc: &mut Unicorn<'_, Machine>, address: u32, size: usize, value: u32) {
         machine.pause = Some(Pause::Error(Stop::ResetRequested));
         let _ = uc.emu_stop();
     } else if result.is_err() {
-        let stop = Stop::UnknownRegister { address, written: Some(value), pc };
+        let stop = Stop::UnknownRegister {
+            address,
+            written: Some(value),
+            pc,
+        };
         machine.pause = Some(Pause::Error(stop));
         let _ = uc.emu_stop();
     }

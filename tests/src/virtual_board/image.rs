@@ -36,17 +36,26 @@ impl Image {
         let endian = elf32.endian();
         for segment in elf32.elf_program_headers() {
             use object::read::elf::ProgramHeader;
-            let data = segment.data(endian, elf).map_err(|()| "a segment lies outside the file")?;
+            let data = segment
+                .data(endian, elf)
+                .map_err(|()| "a segment lies outside the file")?;
             if segment.p_type(endian) != object::elf::PT_LOAD || data.is_empty() {
                 continue;
             }
             // Where it is stored, not where it is run: what start-up copies lies in flash.
             let offset = segment.p_paddr(endian).wrapping_sub(FLASH) as usize;
-            let place = offset.checked_add(data.len()).and_then(|end| flash.get_mut(offset..end));
-            place.ok_or("a segment lies outside of flash")?.copy_from_slice(data);
+            let place = offset
+                .checked_add(data.len())
+                .and_then(|end| flash.get_mut(offset..end));
+            place
+                .ok_or("a segment lies outside of flash")?
+                .copy_from_slice(data);
         }
         let symbols = file.symbols().filter_map(|symbol| {
-            Some((symbol.name().ok()?.to_owned(), u32::try_from(symbol.address()).ok()?))
+            Some((
+                symbol.name().ok()?.to_owned(),
+                u32::try_from(symbol.address()).ok()?,
+            ))
         });
         let symbols = symbols.collect();
         Ok(Self { flash, symbols })
@@ -55,7 +64,10 @@ impl Image {
     /// Address of a symbol.
     #[must_use]
     pub fn symbol(&self, name: &str) -> Option<u32> {
-        self.symbols.iter().find(|(known, _)| known == name).map(|(_, address)| *address)
+        self.symbols
+            .iter()
+            .find(|(known, _)| known == name)
+            .map(|(_, address)| *address)
     }
 
     /// A word of flash.
@@ -63,6 +75,8 @@ impl Image {
     pub fn word(&self, address: u32) -> u32 {
         let offset = address.wrapping_sub(FLASH) as usize;
         let bytes = self.flash.get(offset..offset + 4);
-        bytes.map_or(0, |bytes| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+        bytes.map_or(0, |bytes| {
+            u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+        })
     }
 }

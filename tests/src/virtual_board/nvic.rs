@@ -93,8 +93,16 @@ impl Nvic {
             .map(|interrupt| FIRST_INTERRUPT + interrupt as u32);
         let systick = self.systick_pending.then_some(SYSTICK);
         // The lower number wins among equals, and min_by_key keeps the first.
-        let next = systick.into_iter().chain(interrupts).min_by_key(|e| self.priority_of(*e))?;
-        let mut running = self.active.iter().map(|e| self.priority_of(*e)).min().unwrap_or(256);
+        let next = systick
+            .into_iter()
+            .chain(interrupts)
+            .min_by_key(|e| self.priority_of(*e))?;
+        let mut running = self
+            .active
+            .iter()
+            .map(|e| self.priority_of(*e))
+            .min()
+            .unwrap_or(256);
         if basepri & IMPLEMENTED_PRIORITY != 0 {
             running = running.min((basepri & IMPLEMENTED_PRIORITY).into());
         }

@@ -9,7 +9,7 @@ use super::peripheral::encoder_timer::Phases;
 use super::rtt::Rtt;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::plant::Plant;
-use nalgebra::DVector;
+use host_sim::scenario::{Kind, Scenario};
 
 /// How the machine is wired to the board.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,9 +33,17 @@ pub struct Period {
     pub enabled: bool,
 }
 
-/// Code of zero current, and amperes per code, of the amplifier.
-const ZERO_CODE: f64 = 2048.0;
-const AMPERES_PER_CODE: f64 = 1e-3;
+/// Code of zero current, and amperes per code, of the amplifier: to the last bit what the drive
+/// takes it for, so that a difference to the simulation is a difference in the drive.
+const ZERO_CODE: f32 = 2048.0;
+const AMPERES_PER_CODE: f32 = 1e-3;
+
+/// Periods in which commissioning must be over, and in which switches and drive settle.
+const COMMISSIONING: u32 = 3000;
+const SETTLED: u32 = 50;
+
+/// Counts per period at which the machine is carried to its start.
+const CARRY: u64 = 4000;
 
 /// Switches of the board.
 const RUN: u32 = 2;
@@ -56,6 +64,9 @@ pub struct Rig {
     encoder_count: i64,
     resolution: f64,
     period_timer_clocks: u32,
+    sample_time: f64,
+    /// Time that the plant has not made yet, s.
+    owed: f64,
 }
 
 impl Rig {
@@ -83,6 +94,8 @@ impl Rig {
             rtt: Rtt::new(image),
             encoder_count: 0,
             resolution: plant.encoder.resolution,
+            sample_time: drive.control.sample_time,
+            owed: 0.0,
             // APB1 timers run at 84 MHz on this board.
             period_timer_clocks: (drive.control.sample_time * 84e6) as u32,
         };
@@ -94,15 +107,6 @@ impl Rig {
     #[must_use]
     pub fn plant(&self) -> &Plant {
         &self.plant
-    }
-
-    /// Puts another plant, or the same in another state, on the machine.
-    pub fn set_plant(&mut self, plant: Plant, state: Option<DVector<f64>>) {
-        self.plant = plant;
-        if let Some(state) = state {
-            self.plant.set_state(state);
-        }
-        self.feed_encoder();
     }
 
     /// Sets the switches.
@@ -120,6 +124,7 @@ impl Rig {
     /// Whatever stops the firmware.
     pub fn period(&mut self) -> Result<Period, Stop> {
         let count = self.board.bus().encoder.count();
+        let began = self.board.bus().now;
         let result = self.board.run_to_tick();
         // What was logged before the end matters most.
         if let Some(rtt) = &mut self.rtt {
@@ -130,18 +135,32 @@ impl Rig {
         let enabled = self.board.bus().ports[1].drives_high(12);
         if !self.held {
             // Without a reference the amplifier's input rests at half its range.
-            let code = code.map_or(ZERO_CODE, f64::from);
-            let mut current = if enabled { (code - ZERO_CODE) * AMPERES_PER_CODE } else { 0.0 };
+            let steps = code.map_or(ZERO_CODE, f32::from) - ZERO_CODE;
+            let mut current = if enabled {
+                f64::from(steps * AMPERES_PER_CODE)
+            } else {
+                0.0
+            };
             if self.wiring.motor_reversed {
                 current = -current;
             }
-            self.plant.advance(current).map_err(|error| Stop::Fault {
-                pc: 0,
-                error: error.to_string(),
-            })?;
-            self.feed_encoder();
+            // Time passes at the pace of the board's own clock, in whole control periods.
+            let bus = self.board.bus();
+            self.owed += (bus.now - began) as f64 / bus.rcc.processor_hz() as f64;
+            while self.owed > 0.5 * self.sample_time {
+                self.owed -= self.sample_time;
+                self.plant.advance(current).map_err(|error| Stop::Fault {
+                    pc: 0,
+                    error: error.to_string(),
+                })?;
+            }
+            self.feed_encoder(u64::MAX);
         }
-        Ok(Period { count, code, enabled })
+        Ok(Period {
+            count,
+            code,
+            enabled,
+        })
     }
 
     /// Runs a number of periods.
@@ -152,26 +171,97 @@ impl Rig {
         (0..periods).map(|_| self.period()).collect()
     }
 
-    /// Turns the encoder to where the actuator is, edge by edge, evenly over the period.
-    fn feed_encoder(&mut self) {
+    /// Closes the run switch until the drive has commissioned itself and holds the origin, and opens
+    /// it again.
+    ///
+    /// # Errors
+    /// Whatever stops the firmware; [`Stop::NoTick`] when the drive does not come to hold.
+    pub fn commission(&mut self) -> Result<(), Stop> {
+        self.switches(true, 0);
+        let last = self.periods(COMMISSIONING)?.pop();
+        self.switches(false, 0);
+        self.periods(SETTLED)?;
+        match last {
+            Some(period) if period.enabled => Ok(()),
+            _ => Err(Stop::NotCommissioned),
+        }
+    }
+
+    /// Makes one experiment on a commissioned drive: puts the machine where it starts, holds it
+    /// there, closes the run switch, and lets go when the drive is about to see its target.
+    /// Returns what the board did in each period from then on.
+    ///
+    /// # Errors
+    /// Whatever stops the firmware.
+    pub fn experiment(
+        &mut self,
+        scenario: &Scenario,
+        plant: &PlantFile,
+        periods: u32,
+    ) -> Result<Vec<Period>, Stop> {
+        let mut machine = Plant::new(plant, self.sample_time);
+        let state = scenario.initial_state(machine.chain());
+        machine.set_state(state);
+        self.plant = machine;
+        self.held = true;
+        // Carried back at a speed the encoder's filter lets through.
+        let mut carried = 0;
+        while self.feed_encoder(CARRY) {
+            self.period()?;
+            carried += 1;
+            if carried > COMMISSIONING {
+                return Err(Stop::NotCommissioned);
+            }
+        }
+        self.periods(SETTLED)?;
+        let target = match (scenario.kind, scenario.target) {
+            (Kind::Move, _) => 3,
+            (Kind::Step, 0.03) => 1,
+            (Kind::Step, 0.015) => 2,
+            (Kind::Step, _) => 0,
+        };
+        self.switches(true, target);
+        // The period in which the drive starts; its target comes in the next.
+        let mut waited = 0;
+        while !self.period()?.enabled {
+            waited += 1;
+            if waited > SETTLED {
+                return Err(Stop::NotCommissioned);
+            }
+        }
+        self.held = false;
+        let done = self.periods(periods)?;
+        self.switches(false, target);
+        self.periods(SETTLED)?;
+        Ok(done)
+    }
+
+    /// Turns the encoder towards where the actuator is, edge by edge, evenly over the period and by
+    /// some counts at most; whether any were left to do.
+    fn feed_encoder(&mut self, most: u64) -> bool {
         let target = (self.plant.state()[0] / self.resolution).round() as i64;
-        let edges = target.abs_diff(self.encoder_count);
-        if self.wiring.encoder_unplugged || edges == 0 {
+        let edges = target.abs_diff(self.encoder_count).min(most);
+        if edges == 0 {
+            return false;
+        }
+        if edges > self.period_timer_clocks.into() {
+            // More than one edge per timer clock: none of them is seen.
             self.encoder_count = target;
-            return;
+            return false;
         }
         let clocks = u32::try_from(u64::from(self.period_timer_clocks) / edges).unwrap_or(u32::MAX);
         let step = (target - self.encoder_count).signum();
-        while self.encoder_count != target {
+        for _ in 0..edges {
             self.encoder_count += step;
             let mut phases = Phases::at(self.encoder_count);
             if self.wiring.phases_swapped {
                 std::mem::swap(&mut phases.a, &mut phases.b);
             }
             let bus = self.board.bus_mut();
-            if bus.encoder_connected() {
+            if bus.encoder_connected() && !self.wiring.encoder_unplugged {
                 bus.encoder.edge(phases, clocks);
             }
         }
+        true
     }
 }

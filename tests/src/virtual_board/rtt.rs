@@ -18,7 +18,10 @@ impl Rtt {
     #[must_use]
     pub fn new(image: &Image) -> Option<Self> {
         let control = image.symbol("_SEGGER_RTT")?;
-        Some(Self { control, attached: false })
+        Some(Self {
+            control,
+            attached: false,
+        })
     }
 
     /// Everything that was logged since the last call.

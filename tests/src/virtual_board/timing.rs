@@ -33,14 +33,22 @@ pub struct Instruction {
 #[must_use]
 pub fn decode(first: u16, second: u16) -> Instruction {
     let wide = first >> 11 >= 0b11101;
-    let (cycles, memory) = if wide { wide_cycles(first, second) } else { narrow_cycles(first) };
+    let (cycles, memory) = if wide {
+        wide_cycles(first, second)
+    } else {
+        narrow_cycles(first)
+    };
     let it = !wide && first >> 8 == 0xBF && first & 0xF != 0;
     Instruction {
         cycles,
         length: if wide { 4 } else { 2 },
         memory,
         // The lowest set bit of the mask ends the block.
-        it_block: if it { 4 - (first & 0xF).trailing_zeros() as u8 } else { 0 },
+        it_block: if it {
+            4 - (first & 0xF).trailing_zeros() as u8
+        } else {
+            0
+        },
         wfi: first == 0xBF30,
     }
 }
@@ -120,33 +128,37 @@ mod tests {
     #[test]
     fn cycles_of_known_encodings() {
         for (code, cycles, memory) in [
-            (0x0000_4408_u32, 1, false),  // add r0, r1
-            (0x0000_6808, 2, true),       // ldr r0, [r1]
-            (0x0000_6008, 1, true),       // str r0, [r1]
-            (0x0000_4801, 2, true),       // ldr r0, [pc, #4]
-            (0x0000_B5F0, 6, false),      // push {r4-r7, lr}
-            (0x0000_BDF0, 6, false),      // pop {r4-r7, pc}
-            (0x0000_CA03, 3, false),      // ldm r2!, {r0, r1}
-            (0xE92D_4FF0, 10, false),     // push.w {r4-r11, lr}
-            (0xE9D1_0100, 3, false),      // ldrd r0, r1, [r1]
-            (0xF8D1_0080, 2, true),       // ldr.w r0, [r1, #128]
-            (0xF8C1_0080, 1, true),       // str.w r0, [r1, #128]
-            (0xFB00_F001, 1, false),      // mul r0, r0, r1
-            (0xFB00_1002, 2, false),      // mla r0, r0, r2, r1
-            (0xFB90_F0F1, 12, false),     // sdiv r0, r0, r1
-            (0xED90_0A00, 2, true),       // vldr s0, [r0]
-            (0xEC90_0A04, 5, false),      // vldm r0, {s0-s3}
-            (0xEE30_0A20, 1, false),      // vadd.f32 s0, s0, s1
-            (0xEE20_0A20, 1, false),      // vmul.f32 s0, s0, s1
-            (0xEE00_0A20, 3, false),      // vmla.f32 s0, s0, s1
-            (0xEEA0_0A20, 3, false),      // vfma.f32 s0, s0, s1
-            (0xEE80_0A20, 14, false),     // vdiv.f32 s0, s0, s1
-            (0xEEB1_0AC0, 14, false),     // vsqrt.f32 s0, s0
-            (0xEEB0_0A60, 1, false),      // vmov.f32 s0, s1
-            (0xEE00_0A10, 1, false),      // vmov s0, r0
+            (0x0000_4408_u32, 1, false), // add r0, r1
+            (0x0000_6808, 2, true),      // ldr r0, [r1]
+            (0x0000_6008, 1, true),      // str r0, [r1]
+            (0x0000_4801, 2, true),      // ldr r0, [pc, #4]
+            (0x0000_B5F0, 6, false),     // push {r4-r7, lr}
+            (0x0000_BDF0, 6, false),     // pop {r4-r7, pc}
+            (0x0000_CA03, 3, false),     // ldm r2!, {r0, r1}
+            (0xE92D_4FF0, 10, false),    // push.w {r4-r11, lr}
+            (0xE9D1_0100, 3, false),     // ldrd r0, r1, [r1]
+            (0xF8D1_0080, 2, true),      // ldr.w r0, [r1, #128]
+            (0xF8C1_0080, 1, true),      // str.w r0, [r1, #128]
+            (0xFB00_F001, 1, false),     // mul r0, r0, r1
+            (0xFB00_1002, 2, false),     // mla r0, r0, r2, r1
+            (0xFB90_F0F1, 12, false),    // sdiv r0, r0, r1
+            (0xED90_0A00, 2, true),      // vldr s0, [r0]
+            (0xEC90_0A04, 5, false),     // vldm r0, {s0-s3}
+            (0xEE30_0A20, 1, false),     // vadd.f32 s0, s0, s1
+            (0xEE20_0A20, 1, false),     // vmul.f32 s0, s0, s1
+            (0xEE00_0A20, 3, false),     // vmla.f32 s0, s0, s1
+            (0xEEA0_0A20, 3, false),     // vfma.f32 s0, s0, s1
+            (0xEE80_0A20, 14, false),    // vdiv.f32 s0, s0, s1
+            (0xEEB1_0AC0, 14, false),    // vsqrt.f32 s0, s0
+            (0xEEB0_0A60, 1, false),     // vmov.f32 s0, s1
+            (0xEE00_0A10, 1, false),     // vmov s0, r0
         ] {
             let wide = code > 0xFFFF;
-            let (first, second) = if wide { ((code >> 16) as u16, code as u16) } else { (code as u16, 0) };
+            let (first, second) = if wide {
+                ((code >> 16) as u16, code as u16)
+            } else {
+                (code as u16, 0)
+            };
             let found = decode(first, second);
             assert_eq!((found.cycles, found.memory), (cycles, memory), "{code:#x}");
             assert_eq!(found.length, if wide { 4 } else { 2 });

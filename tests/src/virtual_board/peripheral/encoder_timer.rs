@@ -16,7 +16,10 @@ impl Phases {
     #[must_use]
     pub fn at(count: i64) -> Self {
         let quarter = count.rem_euclid(4);
-        Self { a: quarter == 1 || quarter == 2, b: quarter >= 2 }
+        Self {
+            a: quarter == 1 || quarter == 2,
+            b: quarter >= 2,
+        }
     }
 }
 
@@ -99,7 +102,11 @@ impl EncoderTimer {
         let (before, seen) = (level(before), level(seen));
         let on_a = before.a != seen.a;
         // Table 97: the direction follows from the edge and the level of the other input.
-        let up = if on_a { seen.a != seen.b } else { seen.a == seen.b };
+        let up = if on_a {
+            seen.a != seen.b
+        } else {
+            seen.a == seen.b
+        };
         let counts = match self.smcr & 0b111 {
             0b001 => !on_a,
             0b010 => on_a,

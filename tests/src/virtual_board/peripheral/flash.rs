@@ -18,7 +18,11 @@ impl FlashInterface {
 
 impl Peripheral for FlashInterface {
     fn read(&mut self, offset: u32, _: u64) -> Result<u32, Unknown> {
-        if offset == 0 { Ok(self.acr) } else { Err(Unknown) }
+        if offset == 0 {
+            Ok(self.acr)
+        } else {
+            Err(Unknown)
+        }
     }
 
     fn write(&mut self, offset: u32, value: u32, _: u64) -> Result<(), Unknown> {

@@ -32,7 +32,11 @@ impl Gpio {
     /// Ports A and B have debug pins with other reset values.
     #[must_use]
     pub fn new(moder: u32, pupdr: u32) -> Self {
-        Self { moder, pupdr, ..Self::default() }
+        Self {
+            moder,
+            pupdr,
+            ..Self::default()
+        }
     }
 
     /// Mode of a pin.
@@ -99,10 +103,14 @@ mod tests {
     #[test]
     fn modes_and_levels() {
         let mut port = Gpio::default();
-        port.write(0x00, 0b10 << 12 | 0b01 << 24 | 0b11 << 8, 0).unwrap();
+        port.write(0x00, 0b10 << 12 | 0b01 << 24 | 0b11 << 8, 0)
+            .unwrap();
         port.write(0x20, 2 << 24, 0).unwrap();
         assert_eq!(port.mode(6), Mode::Alternate(2));
-        assert_eq!((port.mode(12), port.mode(4), port.mode(0)), (Mode::Output, Mode::Analog, Mode::Input));
+        assert_eq!(
+            (port.mode(12), port.mode(4), port.mode(0)),
+            (Mode::Output, Mode::Analog, Mode::Input)
+        );
         port.write(0x18, 1 << 12, 0).unwrap();
         assert!(port.drives_high(12));
         port.write(0x18, 1 << 28, 0).unwrap();

@@ -122,7 +122,10 @@ mod tests {
         assert_eq!(rcc.processor_hz(), 16_000_000);
         rcc.write(0x04, 1 << 22 | 168 << 6 | 4, 0).unwrap();
         rcc.write(0x08, 0b101 << 10 | 0b10, 0).unwrap();
-        assert_eq!((rcc.processor_hz(), rcc.cycles_per_timer_cycle()), (168_000_000, 2));
+        assert_eq!(
+            (rcc.processor_hz(), rcc.cycles_per_timer_cycle()),
+            (168_000_000, 2)
+        );
         assert_eq!(rcc.read(0x08, 0).unwrap() & 0b1100, 0b1000);
         rcc.write(0x00, 0x0101_0001, 0).unwrap();
         assert_eq!(rcc.read(0x00, 0).unwrap(), 0x0303_0003);

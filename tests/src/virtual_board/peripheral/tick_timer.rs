@@ -62,7 +62,8 @@ impl TickTimer {
     #[must_use]
     pub fn next_update(&self) -> Option<u64> {
         let left = (u64::from(self.arr) + 1).saturating_sub(self.count);
-        self.counting().then(|| self.since + left * self.cycles_per_count())
+        self.counting()
+            .then(|| self.since + left * self.cycles_per_count())
     }
 
     /// Advances to a time; whether an update event came.

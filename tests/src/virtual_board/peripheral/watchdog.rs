@@ -18,7 +18,13 @@ pub struct Watchdog {
 
 impl Default for Watchdog {
     fn default() -> Self {
-        Self { unlocked: false, prescaler: 0, reload: 0xFFF, fed: None, processor_hz: 16_000_000 }
+        Self {
+            unlocked: false,
+            prescaler: 0,
+            reload: 0xFFF,
+            fed: None,
+            processor_hz: 16_000_000,
+        }
     }
 }
 
@@ -45,6 +51,8 @@ impl Watchdog {
 impl Peripheral for Watchdog {
     fn read(&mut self, offset: u32, _: u64) -> Result<u32, Unknown> {
         Ok(match offset {
+            // The key register is write-only.
+            0x00 => 0,
             0x04 => self.prescaler,
             0x08 => self.reload,
             // Updates of both are done at once.

@@ -1,0 +1,209 @@
+//! Commissioning: a small motion that proves the signs before the loop is ever closed.
+//!
+//! With swapped encoder phases or motor leads the feedback drives the load away from its target
+//! instead of towards it. So no loop is closed until the drive has seen that a positive current
+//! moves the encoder forward:
+//!
+//! ```text
+//! Rest    amplifier off, until the encoder has stood still
+//! Ramp    current rises from zero until the encoder has moved: forward, or the drive stops
+//! Brake   the loop is closed around actuator and encoder alone, as if the load were rigid, which
+//!         no observer can upset, until the actuator stands
+//! ```
+//!
+//! At most [`COUNTS`] counts are travelled with an unproven sign.
+
+use crate::limits::Limits;
+use crate::supervisor::Fault;
+use crate::units::{Current, Position};
+
+/// Counts that prove a direction.
+pub const COUNTS: f32 = 50.0;
+/// Counts within which the encoder stands still.
+const REST_COUNTS: f32 = 2.5;
+/// How long it must stand still, s.
+const REST_TIME: f32 = 0.05;
+/// How long to wait for that, before and after the ramp, s.
+const PATIENCE: f32 = 2.0;
+/// How long the current rises, s, and to which share of its limit.
+const RAMP_TIME: f32 = 0.5;
+const RAMP_SHARE: f32 = 0.5;
+
+/// What is to be done in this period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Action {
+    /// Amplifier off.
+    Wait,
+    /// Open loop: this current.
+    Push(Current),
+    /// Close the loop around the actuator alone, towards this position.
+    Brake(Position),
+    /// All proven, the actuator stands.
+    Done,
+}
+
+/// Configuration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Commissioning {
+    sample_time: f32,
+    resolution: f32,
+    largest_current: f32,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Phase {
+    #[default]
+    Rest,
+    Ramp,
+    Brake,
+}
+
+/// How far it has come.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct State {
+    phase: Phase,
+    /// Periods in this phase, and for how many the encoder has stood still.
+    periods: u32,
+    still: u32,
+    /// Where the actuator was when the current began to rise.
+    origin: Option<f32>,
+    /// Where it was last seen to move.
+    anchor: f32,
+}
+
+impl Commissioning {
+    /// * `resolution`: m per count
+    /// * `sample_time`: s
+    #[must_use]
+    pub fn new(limits: &Limits, resolution: f32, sample_time: f32) -> Self {
+        Self {
+            sample_time,
+            resolution,
+            largest_current: RAMP_SHARE * limits.current_limit,
+        }
+    }
+
+    /// One period at a measured position.
+    ///
+    /// # Errors
+    /// The fault that stops the drive: no rest, no motion, or motion in the wrong direction.
+    pub fn step(&self, state: &mut State, position: Position) -> Result<Action, Fault> {
+        let origin = *state.origin.get_or_insert(position.0);
+        let moved = (position.0 - origin) / self.resolution;
+        let time = state.periods as f32 * self.sample_time;
+        state.periods = state.periods.saturating_add(1);
+        let band = if state.phase == Phase::Rest {
+            REST_COUNTS
+        } else {
+            COUNTS
+        };
+        if (position.0 - state.anchor).abs() <= band * self.resolution {
+            state.still = state.still.saturating_add(1);
+        } else {
+            state.still = 0;
+            state.anchor = position.0;
+        }
+        let rested = state.still as f32 * self.sample_time >= REST_TIME;
+        let next = |phase, origin| State {
+            phase,
+            origin: Some(origin),
+            anchor: position.0,
+            ..State::default()
+        };
+
+        match state.phase {
+            Phase::Rest if rested => {
+                *state = next(Phase::Ramp, position.0);
+                Ok(Action::Push(Current(0.0)))
+            }
+            Phase::Rest => {
+                if time > PATIENCE {
+                    Err(Fault::NotAtRest)
+                } else {
+                    Ok(Action::Wait)
+                }
+            }
+            Phase::Ramp if moved >= COUNTS => {
+                *state = next(Phase::Brake, origin);
+                Ok(Action::Brake(Position(origin)))
+            }
+            Phase::Ramp if moved <= -COUNTS => Err(Fault::Direction),
+            Phase::Ramp if time > RAMP_TIME => Err(Fault::NoMotion),
+            Phase::Ramp => Ok(Action::Push(Current(
+                self.largest_current * time / RAMP_TIME,
+            ))),
+            Phase::Brake if rested => Ok(Action::Done),
+            Phase::Brake if time > PATIENCE => Err(Fault::NotAtRest),
+            Phase::Brake => Ok(Action::Brake(Position(origin))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const T: f32 = 1e-3;
+    const RESOLUTION: f32 = 1e-6;
+
+    fn commissioning() -> Commissioning {
+        let limits = Limits {
+            current_limit: 2.0,
+            current_resolution: 1e-3,
+        };
+        Commissioning::new(&limits, RESOLUTION, T)
+    }
+
+    /// A rigid actuator of 0.1 kg and `gain` N/A under the pushed current; brought back by hand.
+    fn run(gain: f32) -> (Result<Action, Fault>, f32) {
+        let (mut state, commissioning) = (State::default(), commissioning());
+        let (mut position, mut velocity, mut farthest) = (0.3_f32, 0.0_f32, 0.0_f32);
+        for _ in 0..10_000 {
+            match commissioning.step(&mut state, Position(position)) {
+                Ok(Action::Push(current)) => velocity += gain * current.0 / 0.1 * T,
+                Ok(Action::Brake(origin)) => {
+                    assert!((origin.0 - 0.3).abs() < 1e-6);
+                    velocity = 0.0;
+                    position += (origin.0 - position) * 0.05;
+                }
+                Ok(Action::Wait) => {}
+                end => return (end, farthest),
+            }
+            position += velocity * T;
+            farthest = farthest.max((position - 0.3).abs());
+        }
+        panic!("no end");
+    }
+
+    #[test]
+    fn the_right_sign_is_proven() {
+        assert_eq!(run(6.0).0, Ok(Action::Done));
+    }
+
+    #[test]
+    fn the_wrong_sign_stops_within_a_few_counts() {
+        let (end, farthest) = run(-6.0);
+        assert_eq!(end, Err(Fault::Direction));
+        assert!(farthest < 2.0 * COUNTS * RESOLUTION, "{farthest}");
+    }
+
+    #[test]
+    fn no_motion_is_found() {
+        assert_eq!(run(0.0), (Err(Fault::NoMotion), 0.0));
+    }
+
+    #[test]
+    fn a_moving_machine_is_not_pushed() {
+        let (mut state, commissioning) = (State::default(), commissioning());
+        let mut k = 0;
+        let end = loop {
+            let position = Position(k as f32 * 3.0 * RESOLUTION);
+            k += 1;
+            match commissioning.step(&mut state, position) {
+                Ok(action) => assert_eq!(action, Action::Wait),
+                Err(fault) => break fault,
+            }
+        };
+        assert_eq!(end, Fault::NotAtRest);
+    }
+}
