@@ -210,7 +210,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
             .step(&mut memory.commissioning, reading.position)?;
         match action {
             Action::Wait => Ok(Command::default()),
-            Action::Push(current) => limited(&self.limits, current),
+            Action::Push(current) => limited(self.limits, current),
             Action::Brake(origin) => {
                 let mut displacement = reading.displacement;
                 if memory.starting {
@@ -229,7 +229,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
                     disturbance: Force(0.0),
                 };
                 let current = self.regulator.step(&rigid, origin, Velocity(0.0));
-                limited(&self.limits, current)
+                limited(self.limits, current)
             }
             Action::Done => {
                 memory.supervisor.commissioned();
@@ -302,7 +302,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
             .step(&estimate, setpoint.position, setpoint.velocity);
         let current =
             setpoint.feed_forward.0 + feedback.0 + estimate.disturbance.0 * self.current_per_force;
-        let command = limited(&self.limits, Current(current))?;
+        let command = limited(self.limits, Current(current))?;
 
         let telemetry = &mut memory.telemetry;
         telemetry.reference = setpoint.position.0;
@@ -319,7 +319,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
 }
 
 /// The command that applies a current as far as the limits allow.
-fn limited(limits: &Limits, current: Current) -> Result<Command, Fault> {
+fn limited(limits: Limits, current: Current) -> Result<Command, Fault> {
     let limited = limits.step(current).ok_or(Fault::NonFinite)?;
     Ok(Command {
         current: limited.current,

@@ -3,6 +3,7 @@
 //! `host-sim` alone does the main job: the paper's four experiments on the embedded drive, the
 //! same as `host-sim simulate`.
 
+mod capture;
 mod design;
 mod simulate;
 
@@ -24,6 +25,8 @@ pub struct Cli {
 enum Command {
     /// Design regulator and observer of a drive.
     Design(design::DesignCommand),
+    /// Read the drive's log into table, CSV and plot.
+    Capture(capture::CaptureCommand),
     /// Simulate experiments on a drive (what the program does without a command).
     Simulate(simulate::Simulate),
 }
@@ -37,6 +40,7 @@ impl Cli {
         match self.command {
             None => self.main.run(),
             Some(Command::Design(command)) => command.run(),
+            Some(Command::Capture(command)) => command.run(),
             Some(Command::Simulate(command)) => command.run(),
         }
     }

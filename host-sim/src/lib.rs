@@ -11,6 +11,7 @@
 //! The program `host-sim` is a thin command line over this library; the tests use it too.
 #![forbid(unsafe_code)]
 
+pub mod capture;
 pub mod cli;
 pub mod corridor;
 pub mod design;

@@ -1,5 +1,6 @@
 //! What the user gets: tables for people, JSON for machines, CSV of every step, plots.
 
 pub mod csv;
+pub mod log;
 pub mod plot;
 pub mod table;

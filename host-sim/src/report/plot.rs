@@ -126,6 +126,40 @@ fn draw(
     Ok(())
 }
 
+/// Name and points of a line.
+pub type Series = (String, Vec<(f64, f64)>);
+
+/// Draws four panels over time; each has a caption, a title of its vertical axis, and lines.
+///
+/// # Errors
+/// [`Error::Simulation`] when the drawing cannot be made.
+pub fn panels(title: &str, content: &[(&str, &str, Vec<Series>); 4]) -> Result<String> {
+    let mut svg = String::new();
+    draw_panels(&mut svg, title, content)
+        .map_err(|error| Error::Simulation(format!("the plot cannot be drawn: {error}")))?;
+    Ok(svg)
+}
+
+fn draw_panels(
+    svg: &mut String,
+    title: &str,
+    content: &[(&str, &str, Vec<Series>); 4],
+) -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let root = root.titled(title, ("sans-serif", 22))?;
+    for (panel, (caption, axis, series)) in root.split_evenly((2, 2)).iter().zip(content) {
+        let coloured: Vec<_> = series
+            .iter()
+            .enumerate()
+            .map(|(i, (name, line))| (name.clone(), COLOURS[i % COLOURS.len()], line.clone()))
+            .collect();
+        lines(panel, caption, "time [s]", axis, &coloured, &[])?;
+    }
+    root.present()?;
+    Ok(())
+}
+
 fn time_series(run: &Run, value: impl Fn(&crate::simulate::Sample) -> f64) -> Line {
     run.samples
         .iter()

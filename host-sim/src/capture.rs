@@ -1,0 +1,326 @@
+//! The drive's log: from a defmt stream, or from text that another program decoded, to records.
+//!
+//! ```text
+//! bytes --frames between zeros--> defmt-decoder (with the ELF) --text--> record | message
+//! ```
+//!
+//! A frame that does not decode is counted and skipped; the next zero byte is a new beginning. Gaps
+//! in the step numbers are counted as lost records. Memory is bounded by what is kept: the records.
+
+use crate::error::{Error, Result};
+use defmt_decoder::{DecodeError, Table};
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// Longer frames are no frames of ours.
+const LONGEST_FRAME: usize = 4096;
+
+/// One control step as logged: every field of the drive's telemetry by name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogRecord {
+    /// Number of the control step.
+    pub step: u32,
+    /// State of the drive.
+    pub state: String,
+    /// Numbers by name, SI units; `load_position` becomes `load1_position` and so on, truth values
+    /// become 0 and 1.
+    pub values: BTreeMap<String, f64>,
+}
+
+/// A log as far as it could be read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Capture {
+    /// Control steps.
+    pub records: Vec<LogRecord>,
+    /// Everything else, with its level.
+    pub messages: Vec<String>,
+    /// Bytes read.
+    pub bytes: u64,
+    /// Frames or lines that could not be decoded.
+    pub malformed: u64,
+    /// Control steps that are missing between the first and the last.
+    pub lost: u64,
+}
+
+impl Capture {
+    fn take(&mut self, text: &str) {
+        if let Some(record) = parse_record(text) {
+            if let Some(last) = self.records.last() {
+                // A drive that was reset starts again at small numbers.
+                let gap = record.step.wrapping_sub(last.step).wrapping_sub(1);
+                if gap < u32::MAX / 2 {
+                    self.lost += u64::from(gap);
+                }
+            }
+            self.records.push(record);
+        } else if !text.trim().is_empty() {
+            self.messages.push(text.trim().to_owned());
+        }
+    }
+}
+
+/// Reads a raw defmt stream to its end.
+///
+/// * `elf`: the very firmware that logged
+/// * `message`: called with everything that is no control step, as it comes
+///
+/// # Errors
+/// [`Error::Input`] when the ELF has no log table or nothing in the stream fits it;
+/// [`Error::Read`] when the stream cannot be read.
+pub fn read_defmt(
+    elf: &[u8],
+    name: &str,
+    mut stream: impl Read,
+    mut message: impl FnMut(&str),
+) -> Result<Capture> {
+    let input = |message: String| Error::Input {
+        place: name.into(),
+        message,
+    };
+    let table = catch_unwind(|| Table::parse(elf))
+        .map_err(|_| input("not an ELF with a defmt log".into()))?
+        .map_err(|error| input(format!("not an ELF with a defmt log: {error}")))?
+        .ok_or_else(|| input("this ELF has no defmt log".into()))?;
+
+    let mut capture = Capture::default();
+    let mut frame = Vec::new();
+    let mut decoded = 0_u64;
+    let mut overlong = false;
+    let mut buffer = [0; 16 * 1024];
+    loop {
+        let length = match stream.read(&mut buffer) {
+            Ok(0) => break,
+            Ok(length) => length,
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
+            Err(source) => {
+                return Err(Error::Read {
+                    path: "the log".into(),
+                    source,
+                });
+            }
+        };
+        capture.bytes += length as u64;
+        for byte in &buffer[..length] {
+            if *byte != 0 {
+                overlong |= frame.len() >= LONGEST_FRAME;
+                if !overlong {
+                    frame.push(*byte);
+                }
+                continue;
+            }
+            if overlong {
+                capture.malformed += 1;
+            } else if !frame.is_empty() {
+                match decode(&table, &frame) {
+                    Some(text) => {
+                        decoded += 1;
+                        let messages = capture.messages.len();
+                        capture.take(&text);
+                        if let Some(new) = capture.messages.get(messages) {
+                            message(new);
+                        }
+                    }
+                    None => capture.malformed += 1,
+                }
+            }
+            frame.clear();
+            overlong = false;
+        }
+    }
+    // What is left has no end: cut off.
+    capture.malformed += u64::from(overlong || !frame.is_empty());
+    if decoded == 0 && capture.bytes > 0 {
+        return Err(input(format!(
+            "none of the {} bytes of the log fits this ELF: it must be the one that logged",
+            capture.bytes
+        )));
+    }
+    Ok(capture)
+}
+
+/// One frame as text with its level, nothing when it is damaged.
+fn decode(table: &Table, frame: &[u8]) -> Option<String> {
+    // A damaged frame can name any format with any arguments, and the decoder was not made for
+    // that: what it cannot take may end in a panic inside of it, which is a damaged frame too.
+    let decode = || {
+        let mut decoder = table.new_stream_decoder();
+        decoder.received(frame);
+        decoder.received(&[0]);
+        match decoder.decode() {
+            Ok(frame) => {
+                let level = frame.level().map_or("", |level| level.as_str());
+                Some(format!(
+                    "{} {}",
+                    level.to_uppercase(),
+                    frame.display_message()
+                ))
+            }
+            Err(DecodeError::UnexpectedEof | DecodeError::Malformed) => None,
+        }
+    };
+    catch_unwind(AssertUnwindSafe(decode)).ok().flatten()
+}
+
+/// Reads text as `probe-rs run` and `probe-rs attach` print it: one message per line, decoded.
+///
+/// # Errors
+/// [`Error::Read`] when the stream cannot be read.
+pub fn read_text(stream: impl Read, mut message: impl FnMut(&str)) -> Result<Capture> {
+    use std::io::{BufRead, BufReader};
+    let mut capture = Capture::default();
+    let mut reader = BufReader::new(stream);
+    loop {
+        let mut line = Vec::new();
+        // Bounded: an endless line is taken in pieces.
+        let read = reader.by_ref().take(64 * 1024).read_until(b'\n', &mut line);
+        let length = read.map_err(|source| Error::Read {
+            path: "the log".into(),
+            source,
+        })?;
+        if length == 0 {
+            return Ok(capture);
+        }
+        capture.bytes += length as u64;
+        let line = String::from_utf8_lossy(&line);
+        let messages = capture.messages.len();
+        let broken = line.contains("Telemetry {") && parse_record(&line).is_none();
+        if broken {
+            capture.malformed += 1;
+        } else {
+            capture.take(&line);
+        }
+        if let Some(new) = capture.messages.get(messages) {
+            message(new);
+        }
+    }
+}
+
+/// Takes a record out of a line: `Telemetry { name: value, … }`, values being numbers, words or
+/// lists of numbers.
+fn parse_record(text: &str) -> Option<LogRecord> {
+    let body = text.split_once("Telemetry {")?.1;
+    let body = body.rsplit_once('}')?.0;
+    let mut record = LogRecord {
+        step: 0,
+        state: String::new(),
+        values: BTreeMap::new(),
+    };
+    let (mut step, mut depth, mut start) = (None, 0_i32, 0);
+    let fields = body
+        .char_indices()
+        .chain([(body.len(), ',')])
+        .filter_map(|(at, c)| {
+            match c {
+                '[' | '(' | '{' => depth += 1,
+                ']' | ')' | '}' => depth -= 1,
+                ',' if depth == 0 => {
+                    let field = body.get(start..at);
+                    start = at + 1;
+                    return field;
+                }
+                _ => {}
+            }
+            None
+        });
+    for field in fields {
+        let (name, value) = field.split_once(':')?;
+        let (name, value) = (name.trim(), value.trim());
+        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|n| n.is_finite());
+        match name {
+            "step" => step = value.parse().ok(),
+            "state" => value.clone_into(&mut record.state),
+            _ => match value {
+                "true" | "false" => {
+                    record
+                        .values
+                        .insert(name.into(), f64::from(u8::from(value == "true")));
+                }
+                list if list.starts_with('[') => {
+                    let list = list.strip_prefix('[')?.strip_suffix(']')?;
+                    let name = name.strip_prefix("load_").unwrap_or(name);
+                    for (i, value) in list.split(',').enumerate() {
+                        record
+                            .values
+                            .insert(format!("load{}_{name}", i + 1), number(value)?);
+                    }
+                }
+                value => {
+                    record.values.insert(name.into(), number(value)?);
+                }
+            },
+        }
+    }
+    record.step = step?;
+    (!record.state.is_empty() && record.values.contains_key("count")).then_some(record)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const LINE: &str = "DEBUG Telemetry { step: 7, state: Fault(EncoderJump), count: 65535, \
+        applied_current: -0.001, load_position: [0.1, -2e-5], limited: true, cycles: 1180 }";
+
+    #[test]
+    fn a_record_is_its_fields() {
+        let record = parse_record(LINE).unwrap();
+        assert_eq!(
+            (record.step, record.state.as_str()),
+            (7, "Fault(EncoderJump)")
+        );
+        let expected = [
+            ("applied_current", -0.001),
+            ("count", 65535.0),
+            ("cycles", 1180.0),
+            ("limited", 1.0),
+            ("load1_position", 0.1),
+            ("load2_position", -2e-5),
+        ];
+        let values: Vec<_> = record
+            .values
+            .iter()
+            .map(|(name, value)| (name.as_str(), *value))
+            .collect();
+        assert_eq!(values, expected);
+    }
+
+    #[test]
+    fn text_is_read_line_by_line_and_gaps_are_counted() {
+        let lines = [
+            LINE,
+            "INFO running",
+            &LINE.replace("step: 7", "step: 10"),
+            "",
+            "x Telemetry { step: 8",
+        ];
+        let text = lines.join("\n");
+        let mut seen = Vec::new();
+        let capture = read_text(text.as_bytes(), |message| seen.push(message.to_owned())).unwrap();
+        assert_eq!(
+            (capture.records.len(), capture.lost, capture.malformed),
+            (2, 2, 1)
+        );
+        assert_eq!(seen, ["INFO running"]);
+        assert_eq!(capture.bytes, text.len() as u64);
+    }
+
+    #[test]
+    fn no_elf_is_an_error() {
+        for elf in [&b""[..], b"hello", &[0x7F; 1000]] {
+            let error = read_defmt(elf, "fw.elf", &b"abc"[..], |_| ()).unwrap_err();
+            assert!(error.to_string().starts_with("fw.elf: "), "{error}");
+            assert_eq!(error.exit_code(), 2);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_taken(text in ".{0,200}", cut in 0..LINE.len()) {
+            parse_record(&text);
+            parse_record(&format!("{}{text}", &LINE[..cut]));
+            read_text(text.as_bytes(), |_| ()).unwrap();
+        }
+    }
+}

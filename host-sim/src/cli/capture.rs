@@ -1,0 +1,95 @@
+//! `host-sim capture`: the drive's log as table, CSV and plot.
+
+use crate::capture::{Capture, read_defmt, read_text};
+use crate::drive::Drive;
+use crate::error::{Error, Result};
+use crate::output::{print, write_file};
+use crate::report::log;
+use clap::Args;
+use std::io::Read;
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+
+/// Read the drive's log: raw defmt with --elf, else text as probe-rs prints it.
+#[derive(Debug, Args)]
+pub(super) struct CaptureCommand {
+    /// The firmware that logs; the log is then a raw defmt stream.
+    #[arg(long, value_name = "FW.elf")]
+    elf: Option<PathBuf>,
+    /// File with the log; standard input when neither this nor --tcp is given.
+    #[arg(long, value_name = "FILE")]
+    rtt: Option<PathBuf>,
+    /// Server that streams the log, until it closes the connection.
+    #[arg(long, value_name = "HOST:PORT", conflicts_with = "rtt")]
+    tcp: Option<String>,
+    /// Description of the drive, for its control period; the paper's rig when not given.
+    #[arg(long, value_name = "DRIVE.toml")]
+    drive: Option<PathBuf>,
+    /// Where plot and CSV go.
+    #[arg(long, value_name = "DIR", default_value = "target/host-sim")]
+    out: PathBuf,
+    /// Print the records as CSV and write no files.
+    #[arg(long)]
+    csv: bool,
+}
+
+impl CaptureCommand {
+    pub(super) fn run(self) -> Result<()> {
+        let period = Drive::load(self.drive.as_deref())?.control.sample_time;
+        let read_error = |path: &Path| {
+            let path = path.to_owned();
+            move |source| Error::Read { path, source }
+        };
+        let stream: Box<dyn Read> = match (&self.rtt, &self.tcp) {
+            (Some(path), _) => Box::new(std::fs::File::open(path).map_err(read_error(path))?),
+            (None, Some(address)) => {
+                Box::new(TcpStream::connect(address).map_err(read_error(Path::new(address)))?)
+            }
+            (None, None) => Box::new(std::io::stdin().lock()),
+        };
+        // Messages are shown as they come, the records at the end.
+        let message = |text: &str| eprintln!("{text}");
+        let capture = match &self.elf {
+            Some(path) => {
+                let elf = std::fs::read(path).map_err(read_error(path))?;
+                // The decoder's own panics are counted as damaged frames, not shown.
+                std::panic::set_hook(Box::new(|_| ()));
+                let capture = read_defmt(&elf, &path.display().to_string(), stream, message);
+                let _ = std::panic::take_hook();
+                capture?
+            }
+            None => read_text(stream, message)?,
+        };
+        if capture.records.is_empty() {
+            return Err(Error::Simulation(format!(
+                "the log of {} bytes holds no control step ({} damaged frames)",
+                capture.bytes, capture.malformed
+            )));
+        }
+        if self.csv {
+            print(&String::from_utf8_lossy(&log::csv(&capture, period)?))?;
+        } else {
+            write_file(&self.out.join("log.csv"), &log::csv(&capture, period)?)?;
+            write_file(
+                &self.out.join("log.svg"),
+                log::plot(&capture, period)?.as_bytes(),
+            )?;
+            print(&format!(
+                "{}Plot and CSV of every step: {}\n",
+                log::table(&capture, period),
+                self.out.display()
+            ))?;
+        }
+        warn_of_damage(&capture);
+        Ok(())
+    }
+}
+
+fn warn_of_damage(capture: &Capture) {
+    if capture.malformed > 0 || capture.lost > 0 {
+        eprintln!(
+            "warning: {} damaged frames skipped, {} control steps missing",
+            capture.malformed, capture.lost
+        );
+    }
+}

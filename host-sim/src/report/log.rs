@@ -1,0 +1,147 @@
+//! The drive's log as table, CSV and plot.
+//!
+//! The CSV has the column names of the simulation wherever both know the quantity.
+
+use crate::capture::{Capture, LogRecord};
+use crate::error::{Error, Result};
+use crate::report::plot::{Series, panels};
+use comfy_table::{Cell, CellAlignment, Table, presets};
+use std::collections::BTreeMap;
+
+/// Unit and name in a CSV header of a quantity of the telemetry.
+fn column(name: &str) -> String {
+    let unit = match name {
+        _ if name.ends_with("velocity") => "m/s",
+        _ if name.ends_with("position") || name == "reference" => "m",
+        "applied_current" | "command" => "A",
+        "disturbance" | "reaction_force" | "disturbance_state" => "N",
+        _ => "1",
+    };
+    match name {
+        "position" | "velocity" => format!("actuator_{name}[{unit}]"),
+        _ => format!("{name}[{unit}]"),
+    }
+}
+
+/// Time of a record from the first one on, s.
+fn time(capture: &Capture, record: &LogRecord, period: f64) -> f64 {
+    let first = capture.records.first().map_or(0, |record| record.step);
+    let seconds = f64::from(record.step.wrapping_sub(first)) * period;
+    (seconds * 1e6).round() / 1e6
+}
+
+/// One row per record.
+///
+/// # Errors
+/// [`Error::Simulation`] when the rows cannot be formed.
+pub fn csv(capture: &Capture, period: f64) -> Result<Vec<u8>> {
+    let failed =
+        |error: String| Error::Simulation(format!("the log's CSV cannot be formed: {error}"));
+    let names: Vec<&String> = capture
+        .records
+        .first()
+        .map(|r| r.values.keys().collect())
+        .unwrap_or_default();
+    let mut writer = ::csv::Writer::from_writer(Vec::new());
+    let header = ["time[s]".into(), "step[1]".into(), "state[name]".into()];
+    let header = header
+        .into_iter()
+        .chain(names.iter().map(|name| column(name)));
+    writer
+        .write_record(header)
+        .map_err(|e| failed(e.to_string()))?;
+    for record in &capture.records {
+        let mut row = vec![
+            time(capture, record, period).to_string(),
+            record.step.to_string(),
+            record.state.clone(),
+        ];
+        let values = names.iter().map(|name| record.values.get(*name));
+        row.extend(values.map(|value| value.map_or(String::new(), f64::to_string)));
+        writer
+            .write_record(row)
+            .map_err(|e| failed(e.to_string()))?;
+    }
+    writer.into_inner().map_err(|e| failed(e.to_string()))
+}
+
+/// How long the drive was in which state, and the range of every quantity.
+#[must_use]
+pub fn table(capture: &Capture, period: f64) -> String {
+    let mut ranges: BTreeMap<&str, (f64, f64, f64)> = BTreeMap::new();
+    let mut states: BTreeMap<&str, u32> = BTreeMap::new();
+    for record in &capture.records {
+        *states.entry(&record.state).or_default() += 1;
+        for (name, value) in &record.values {
+            let range = ranges.entry(name).or_insert((f64::MAX, f64::MIN, 0.0));
+            *range = (range.0.min(*value), range.1.max(*value), *value);
+        }
+    }
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN);
+    table.set_header(["quantity", "least", "greatest", "last"]);
+    let right = |value: f64| Cell::new(format!("{value:.6}")).set_alignment(CellAlignment::Right);
+    for (name, (least, greatest, last)) in ranges {
+        table.add_row([
+            Cell::new(column(name)),
+            right(least),
+            right(greatest),
+            right(last),
+        ]);
+    }
+    let states = states
+        .iter()
+        .map(|(state, count)| format!("{state} {:.3} s", f64::from(*count) * period));
+    format!(
+        "{} control steps, {} lost, {} damaged frames; {}\n{table}\n",
+        capture.records.len(),
+        capture.lost,
+        capture.malformed,
+        states.collect::<Vec<_>>().join(", ")
+    )
+}
+
+/// Motion, current, forces and cycles over time.
+///
+/// # Errors
+/// [`Error::Simulation`] when the drawing cannot be made.
+pub fn plot(capture: &Capture, period: f64) -> Result<String> {
+    let series = |names: &[&str], scale: f64| -> Vec<Series> {
+        let names = names.iter().filter(|name| {
+            capture
+                .records
+                .first()
+                .is_some_and(|record| record.values.contains_key(**name))
+        });
+        names
+            .map(|name| {
+                let points = capture.records.iter().filter_map(|record| {
+                    Some((
+                        time(capture, record, period),
+                        scale * record.values.get(*name)?,
+                    ))
+                });
+                ((*name).to_owned(), points.collect())
+            })
+            .collect()
+    };
+    let loads: Vec<String> = (1..=crate::drive::MAX_LOADS)
+        .map(|i| format!("load{i}_position"))
+        .collect();
+    let mut motion = vec!["position"];
+    motion.extend(loads.iter().map(String::as_str));
+    motion.push("reference");
+    panels(
+        "log of the drive",
+        &[
+            ("motion as estimated", "position [mm]", series(&motion, 1e3)),
+            ("current", "current [A]", series(&["command"], 1.0)),
+            (
+                "forces",
+                "force [N]",
+                series(&["reaction_force", "disturbance", "disturbance_state"], 1.0),
+            ),
+            ("control step", "processor cycles", series(&["cycles"], 1.0)),
+        ],
+    )
+}

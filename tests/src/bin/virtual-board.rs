@@ -1,0 +1,163 @@
+//! Runs a firmware ELF on the virtual drive board, in closed loop with a simulated machine.
+
+use arso_tests::virtual_board::image::Image;
+use arso_tests::virtual_board::rig::Period;
+use arso_tests::virtual_board::{Rig, Stop};
+use clap::Parser;
+use clap::builder::PossibleValuesParser;
+use host_sim::capture::read_defmt;
+use host_sim::drive::{Drive, PlantFile};
+use host_sim::error::Error;
+use host_sim::output::{print, write_file};
+use host_sim::scenario::{SCENARIOS, Scenario};
+use serde_json::json;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Runs the firmware that is flashed, unmodified, on an emulated drive board: it proves its signs,
+/// then makes one experiment.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Cli {
+    /// The firmware.
+    #[arg(value_name = "FW.elf")]
+    elf: PathBuf,
+    /// Description of the drive the firmware was built for; the paper's rig when not given.
+    #[arg(long, value_name = "DRIVE.toml")]
+    drive: Option<PathBuf>,
+    /// What is really there, when it differs from what the drive file says.
+    #[arg(long, value_name = "PLANT.toml")]
+    plant: Option<PathBuf>,
+    /// The experiment.
+    #[arg(long, value_name = "NAME", default_value = "fig3", value_parser = scenario_names())]
+    scenario: String,
+    /// Control periods of the experiment.
+    #[arg(long, default_value_t = 1200, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    periods: u32,
+    /// Write what the firmware logged, a raw defmt stream.
+    #[arg(long, value_name = "FILE")]
+    rtt: Option<PathBuf>,
+    /// Print every control period of the experiment as CSV.
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+fn scenario_names() -> PossibleValuesParser {
+    PossibleValuesParser::new(SCENARIOS.iter().map(|scenario| scenario.name))
+}
+
+fn main() -> ExitCode {
+    match Cli::parse().run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+impl Cli {
+    fn run(self) -> Result<(), Error> {
+        let bytes = std::fs::read(&self.elf).map_err(|source| Error::Read {
+            path: self.elf.clone(),
+            source,
+        })?;
+        let place = self.elf.display().to_string();
+        let image = Image::parse(&bytes).map_err(|message| Error::Input {
+            place: place.clone(),
+            message,
+        })?;
+        let drive = Drive::load(self.drive.as_deref())?;
+        let plant = match &self.plant {
+            None => PlantFile::from(&drive),
+            Some(path) => PlantFile::load(path)?,
+        };
+        let scenario = Scenario::named(&self.scenario).expect("clap knows the names");
+
+        let stopped = |stop: Stop| Error::Simulation(stop.to_string());
+        let start = Instant::now();
+        let mut rig = Rig::start(&image, &drive, &plant, |_| {}).map_err(stopped)?;
+        let result = rig
+            .commission()
+            .and_then(|()| rig.experiment(scenario, &plant, self.periods));
+        let elapsed = start.elapsed().as_secs_f64();
+        if let Some(path) = &self.rtt {
+            write_file(path, &rig.log)?;
+        }
+        let capture = read_defmt(&bytes, &place, &rig.log[..], |text| eprintln!("{text}"))?;
+        let periods = result.map_err(stopped)?;
+
+        if self.csv {
+            return print(&table(&periods, drive.control.sample_time));
+        }
+        let cost = rig.board.interrupt_cost();
+        let (stack, stack_size) = rig.board.stack_use();
+        let simulated = rig.board.bus().now as f64 / rig.board.bus().rcc.processor_hz() as f64;
+        let rate = rig.log.len() as f64 / simulated;
+        let mean = |sum: u64| sum as f64 / cost.runs.max(1) as f64;
+        let state = rig.plant().state();
+        let summary = json!({
+            "control_steps": cost.runs,
+            "control_steps_per_second": cost.runs as f64 / elapsed,
+            "instructions_mean": mean(cost.instructions),
+            "instructions_most": cost.most_instructions,
+            "estimated_cycles_mean": mean(cost.cycles),
+            "estimated_cycles_most": cost.most_cycles,
+            "preemptions": cost.preemptions,
+            "stack_used": stack,
+            "stack_size": stack_size,
+            "log_bytes_per_second": rate,
+            "log_records": capture.records.len(),
+            "log_records_lost": capture.lost,
+            "log_frames_damaged": capture.malformed,
+            "final_positions": state.iter().step_by(2).collect::<Vec<_>>(),
+        });
+        if self.json {
+            return print(&format!("{summary:#}\n"));
+        }
+        print(&format!(
+            "{}: {}\n\
+             control steps            {} ({:.0} per second of this machine)\n\
+             instructions per step    {:.0} on average, {} at most\n\
+             cycles per step          {:.0} on average, {} at most (estimate, see timing.rs)\n\
+             stack                    {stack} of {stack_size} bytes used\n\
+             log                      {rate:.0} bytes/s, {} records, {} lost, {} damaged frames\n\
+             positions at the end     {} mm\n",
+            scenario.name,
+            scenario.title,
+            cost.runs,
+            cost.runs as f64 / elapsed,
+            mean(cost.instructions),
+            cost.most_instructions,
+            mean(cost.cycles),
+            cost.most_cycles,
+            capture.records.len(),
+            capture.lost,
+            capture.malformed,
+            state
+                .iter()
+                .step_by(2)
+                .map(|x| format!("{:.3}", 1e3 * x))
+                .collect::<Vec<_>>()
+                .join(" "),
+        ))
+    }
+}
+
+fn table(periods: &[Period], sample_time: f64) -> String {
+    let mut text = String::from("time[s],count[1],code[1],enabled[1]\n");
+    for (k, period) in periods.iter().enumerate() {
+        let time = (k as f64 * sample_time * 1e6).round() / 1e6;
+        let code = period.code.map_or(String::new(), |code| code.to_string());
+        text += &format!(
+            "{time},{},{code},{}\n",
+            period.count,
+            u8::from(period.enabled)
+        );
+    }
+    text
+}
