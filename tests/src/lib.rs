@@ -6,10 +6,23 @@ pub mod reference;
 #[cfg(feature = "virtual-board")]
 pub mod virtual_board;
 
-/// Where `tests/build-firmware` leaves the firmware.
+/// Where `tests/build-firmware` leaves what it builds.
 #[cfg(feature = "virtual-board")]
 #[must_use]
-pub fn firmware_elf() -> std::path::PathBuf {
+pub fn target_binary(name: &str) -> std::path::PathBuf {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    root.join("target/firmware/thumbv7em-none-eabihf/release/arso-firmware")
+    root.join("target/firmware/thumbv7em-none-eabihf/release")
+        .join(name)
+}
+
+/// The firmware, as flashed.
+///
+/// # Panics
+/// When it has not been built.
+#[cfg(feature = "virtual-board")]
+#[must_use]
+pub fn firmware() -> Vec<u8> {
+    let path = target_binary("arso-firmware");
+    std::fs::read(&path)
+        .unwrap_or_else(|_| panic!("run tests/build-firmware: {} is missing", path.display()))
 }

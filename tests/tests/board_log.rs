@@ -5,22 +5,18 @@ use arso_tests::virtual_board::Rig;
 use arso_tests::virtual_board::image::Image;
 use arso_tests::virtual_board::rig::Period;
 use host_sim::capture::{Capture, read_defmt};
+use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::error::Result;
 use host_sim::report::log;
 use host_sim::scenario::Scenario;
-
-fn elf() -> Vec<u8> {
-    let elf = arso_tests::firmware_elf();
-    std::fs::read(&elf)
-        .unwrap_or_else(|_| panic!("run tests/build-firmware: {} is missing", elf.display()))
-}
+use host_sim::simulate::{Law, simulate};
 
 /// A whole experiment: log, and what the board did in each of its periods.
 fn experiment() -> (Vec<u8>, Vec<Period>, u64) {
     let drive = Drive::default_drive();
     let plant = PlantFile::from(&drive);
-    let image = Image::parse(&elf()).unwrap();
+    let image = Image::parse(&arso_tests::firmware()).unwrap();
     let mut rig = Rig::start(&image, &drive, &plant, |_| {}).unwrap();
     rig.commission().unwrap();
     let periods = rig
@@ -31,7 +27,7 @@ fn experiment() -> (Vec<u8>, Vec<Period>, u64) {
 }
 
 fn decode(log: &[u8]) -> Result<Capture> {
-    read_defmt(&elf(), "firmware", log, |_| ())
+    read_defmt(&arso_tests::firmware(), "firmware", log, |_| ())
 }
 
 #[test]
@@ -73,6 +69,35 @@ fn every_control_step_is_in_the_log() {
         assert_eq!(period.code, Some(code as u16));
         // Cycles as the drive itself measures them, without entry and exit of the interrupt.
         assert!((500.0..3000.0).contains(&record.values["cycles"]));
+    }
+
+    // Every estimate, to the last bit, is that of the core on this machine: the log prints `f32`
+    // in the shortest form that reads back as the same number.
+    let drive = Drive::default_drive();
+    let design = Design::new(&drive).unwrap();
+    let scenario = Scenario::named("fig3").unwrap();
+    let host = simulate(&design, &PlantFile::from(&drive), scenario, Law::Core, 1.2).unwrap();
+    for (record, sample) in capture.records[begin..].iter().zip(&host.samples) {
+        let expected = sample.record.as_ref().unwrap();
+        let same = |name: &str, value: f64| {
+            assert_eq!(
+                record.values[name] as f32, value as f32,
+                "{name} at {}",
+                sample.time
+            );
+        };
+        same("command", sample.command);
+        same("disturbance", expected.disturbance);
+        same("reaction_force", expected.reaction_force);
+        same("disturbance_state", expected.disturbance_state);
+        same("velocity", expected.estimate[1]);
+        for load in 1..=3 {
+            same(&format!("load{load}_position"), expected.estimate[2 * load]);
+            same(
+                &format!("load{load}_velocity"),
+                expected.estimate[2 * load + 1],
+            );
+        }
     }
 
     let csv = String::from_utf8(log::csv(&capture, 1e-3).unwrap()).unwrap();

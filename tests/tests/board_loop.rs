@@ -11,11 +11,7 @@ use host_sim::scenario::{SCENARIOS, Scenario};
 use host_sim::simulate::{Law, simulate};
 
 fn image() -> Image {
-    let elf = arso_tests::firmware_elf();
-    let bytes = std::fs::read(&elf);
-    let bytes =
-        bytes.unwrap_or_else(|_| panic!("run tests/build-firmware: {} is missing", elf.display()));
-    Image::parse(&bytes).unwrap()
+    Image::parse(&arso_tests::firmware()).unwrap()
 }
 
 fn start(prepare: impl FnOnce(&mut Board)) -> Result<Rig, Stop> {
