@@ -417,6 +417,113 @@ fn wrong_usage_is_exit_code_2() {
     assert!(error.contains("/nonexistent.toml"));
 }
 
+/// A log as `probe-rs run` prints it, through a file, standard input and TCP.
+#[test]
+fn a_log_in_text_is_captured() {
+    use std::io::Write;
+    let record = |step: u32, state: &str| {
+        format!(
+            "DEBUG Telemetry {{ step: {step}, state: {state}, count: 12, applied_current: 0.001, \
+             reference: 0.03, position: 1.2e-5, velocity: 0.0, disturbance: 0.1, \
+             reaction_force: 0.1, load_position: [0.0, 0.001], load_velocity: [0.0, -0.5], \
+             disturbance_state: 0.0, command: 0.002, limited: false, cycles: 1100 }}"
+        )
+    };
+    let lines = [
+        record(1, "Ready"),
+        "INFO running".into(),
+        record(2, "Running"),
+        record(4, "Running"),
+    ];
+    let log = lines.join("\n");
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("log.txt");
+    fs::write(&path, &log).unwrap();
+    let out = directory.path().join("out");
+    let file = [
+        "capture",
+        "--rtt",
+        path.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    let (code, text, error) = run(&file);
+    assert_eq!(code, 0, "{error}");
+    assert!(text.contains("3 control steps, 1 lost"), "{text}");
+    assert!(
+        error.contains("INFO running") && error.contains("1 control steps missing"),
+        "{error}"
+    );
+    let csv = fs::read_to_string(out.join("log.csv")).unwrap();
+    assert!(csv.starts_with("time[s],step[1],state[name],"));
+    assert!(
+        csv.lines().nth(3).unwrap().starts_with("0.003,4,Running,"),
+        "{csv}"
+    );
+    assert!(
+        fs::read_to_string(out.join("log.svg"))
+            .unwrap()
+            .starts_with("<svg")
+    );
+
+    let output = host_sim()
+        .args(["capture", "--csv"])
+        .write_stdin(log.clone())
+        .output()
+        .unwrap();
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), csv);
+
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let server = std::thread::spawn(move || {
+        listener
+            .accept()
+            .unwrap()
+            .0
+            .write_all(log.as_bytes())
+            .unwrap();
+    });
+    let (code, text, _) = run(&["capture", "--csv", "--tcp", &address]);
+    server.join().unwrap();
+    assert_eq!((code, text), (0, csv));
+}
+
+#[test]
+fn logs_that_cannot_be_read_get_a_sentence() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("empty");
+    fs::write(&path, "").unwrap();
+    let empty = path.to_str().unwrap();
+    for (arguments, expected, sentence) in [
+        (
+            &["capture", "--rtt", "/nonexistent"][..],
+            2,
+            "cannot read /nonexistent",
+        ),
+        (
+            &["capture", "--elf", "/nonexistent", "--rtt", empty],
+            2,
+            "cannot read /nonexistent",
+        ),
+        (
+            &["capture", "--elf", empty, "--rtt", empty],
+            2,
+            "not an ELF",
+        ),
+        (&["capture", "--rtt", empty], 1, "holds no control step"),
+        (
+            &["capture", "--tcp", "127.0.0.1:1"],
+            2,
+            "cannot read 127.0.0.1:1",
+        ),
+    ] {
+        let (code, out, error) = run(arguments);
+        assert_eq!((code, out.as_str()), (expected, ""), "{error}");
+        assert_eq!(error.lines().count(), 1, "{error}");
+        assert!(error.contains(sentence), "{error}");
+    }
+}
+
 /// A reader that goes away early is no error.
 #[test]
 fn output_into_a_closed_pipe_is_quiet() {

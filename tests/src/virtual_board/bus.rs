@@ -214,7 +214,7 @@ impl Bus {
             }
             0xE000_EDFC => self.cycle_counter.trace = value >> 24 & 1 == 1,
             0xE004_2008 | 0xE004_200C => {
-                self.debug_freeze[(address as usize - 0xE004_2008) / 4] = value
+                self.debug_freeze[(address as usize - 0xE004_2008) / 4] = value;
             }
             _ => match self.target(address)? {
                 (Target::Model(model), offset) => model.write(offset, value, now)?,
@@ -241,7 +241,7 @@ impl Bus {
 /// Word and bit behind an address of the peripheral bit-band alias [2.3.3].
 fn bit_band(address: u32) -> (u32, u32) {
     let offset = address - 0x4200_0000;
-    (0x4000_0000 + (offset / 32 & !3), offset / 4 % 32)
+    (0x4000_0000 + ((offset / 32) & !3), offset / 4 % 32)
 }
 
 #[cfg(test)]

@@ -538,7 +538,7 @@ fn set_up(uc: &mut Unicorn<'static, Machine>, image: &Image) -> Result<(), uc_er
         )?;
     }
     uc.add_code_hook(1, 0, |uc, address, _| {
-        before_instruction(uc, address as u32)
+        before_instruction(uc, address as u32);
     })?;
     uc.add_intr_hook(|uc, number| {
         // 8: branch to an EXC_RETURN value.

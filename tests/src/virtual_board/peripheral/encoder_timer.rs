@@ -53,7 +53,7 @@ impl Default for EncoderTimer {
 
 impl EncoderTimer {
     /// How long a level of a channel must stand to pass its filter, in timer clocks [18.4.7,
-    /// ICxF], with the sampling clock at the timer clock (CKD = 0).
+    /// `ICxF`], with the sampling clock at the timer clock (CKD = 0).
     fn filter_clocks(&self, channel: u32) -> u32 {
         let (divider, samples) = match self.ccmr1 >> (4 + 8 * channel) & 0xF {
             0 => return 0,

@@ -51,12 +51,10 @@ impl Watchdog {
 impl Peripheral for Watchdog {
     fn read(&mut self, offset: u32, _: u64) -> Result<u32, Unknown> {
         Ok(match offset {
-            // The key register is write-only.
-            0x00 => 0,
             0x04 => self.prescaler,
             0x08 => self.reload,
-            // Updates of both are done at once.
-            0x0C => 0,
+            // The key register is write-only; updates of the others are done at once.
+            0x00 | 0x0C => 0,
             _ => return Err(Unknown),
         })
     }
