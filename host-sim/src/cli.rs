@@ -5,6 +5,7 @@
 
 mod capture;
 mod design;
+mod paper;
 mod simulate;
 
 use crate::error::Result;
@@ -27,6 +28,8 @@ enum Command {
     Design(design::DesignCommand),
     /// Read the drive's log into table, CSV and plot.
     Capture(capture::CaptureCommand),
+    /// Show what the gains printed in the paper do.
+    Paper(paper::PaperCommand),
     /// Simulate experiments on a drive (what the program does without a command).
     Simulate(simulate::Simulate),
 }
@@ -41,6 +44,7 @@ impl Cli {
             None => self.main.run(),
             Some(Command::Design(command)) => command.run(),
             Some(Command::Capture(command)) => command.run(),
+            Some(Command::Paper(command)) => command.run(),
             Some(Command::Simulate(command)) => command.run(),
         }
     }

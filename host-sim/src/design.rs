@@ -4,10 +4,17 @@
 //! drive -> chain -> discretise -> lqr (K, eqs. (2) to (13)) -+-> Design -> Gains<N, S> (f32)
 //!                       +-------> observer (L, eq. (17)) ----+
 //! ```
+//!
+//! What a design is judged by: `checks`, `margins`, `finite_horizon`; the paper's own numbers: `paper`.
 
+pub mod checks;
 pub mod discretise;
+pub mod finite_horizon;
+pub mod judgement;
 pub mod lqr;
+pub mod margins;
 pub mod observer;
+pub mod paper;
 pub mod riccati;
 pub mod source;
 

@@ -157,6 +157,18 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>> {
     Ok(schur.complex_eigenvalues().iter().copied().collect())
 }
 
+/// Smallest distance between two of the eigenvalues, relative to the largest of them.
+#[must_use]
+pub fn separation(eigenvalues: &[Complex<f64>]) -> f64 {
+    let largest = eigenvalues
+        .iter()
+        .map(|pole| pole.norm())
+        .fold(0.0, f64::max);
+    let pairs = eigenvalues.iter().enumerate();
+    let distances = pairs.flat_map(|(i, a)| eigenvalues[..i].iter().map(move |b| (a - b).norm()));
+    distances.fold(f64::INFINITY, f64::min) / largest
+}
+
 /// Largest magnitude of the eigenvalues.
 ///
 /// # Errors

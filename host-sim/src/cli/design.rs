@@ -2,8 +2,10 @@
 
 use crate::corridor::gains_source;
 use crate::design::Design;
+use crate::design::checks::Verdict;
+use crate::design::judgement::Judgement;
 use crate::drive::{DEFAULT_NAME, Drive};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::output::{print, write_file};
 use crate::report::table;
 use clap::Args;
@@ -28,24 +30,37 @@ impl DesignCommand {
     pub(super) fn run(self) -> Result<()> {
         let drive = Drive::load(self.drive.as_deref())?;
         let design = Design::new(&drive)?;
+        let judged = Judgement::new(&design)?;
         let name = self.drive.as_ref().and_then(|path| path.file_name());
         let origin = name.map_or(DEFAULT_NAME.into(), |name| name.to_string_lossy());
-        if let Some(path) = &self.rust {
+        let refused = judged
+            .checks
+            .iter()
+            .find(|check| check.verdict == Verdict::Refuse);
+        if let (Some(path), None) = (&self.rust, refused) {
             write_file(path, gains_source(&design, &origin).as_bytes())?;
         }
         if self.json {
-            print(&format!("{:#}\n", as_json(&design)?))
+            print(&format!("{:#}\n", as_json(&design, &judged)?))?;
         } else {
             let mut text = format!("design for {origin}\n{}", table::design(&design)?);
-            if let Some(path) = &self.rust {
+            text += &table::judgement(&judged);
+            if let (Some(path), None) = (&self.rust, refused) {
                 text += &format!("gains written to {}\n", path.display());
             }
-            print(&text)
+            print(&text)?;
+        }
+        match refused {
+            None => Ok(()),
+            Some(check) => Err(Error::Design(format!(
+                "the check {} refuses it ({:.3e}, limit {:.3e}): {}",
+                check.name, check.value, check.limit, check.advice
+            ))),
         }
     }
 }
 
-fn as_json(design: &Design) -> Result<serde_json::Value> {
+fn as_json(design: &Design, judged: &Judgement) -> Result<serde_json::Value> {
     let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
         matrix
             .row_iter()
@@ -70,5 +85,10 @@ fn as_json(design: &Design) -> Result<serde_json::Value> {
         "observer_gain": observer.correction.as_slice(),
         "observer_poles": poles(design.observer_poles()?),
         "modes": design.modes(),
+        "distinct_eigenvalues": judged.distinct_eigenvalues,
+        "checks": judged.checks,
+        "margins": judged.margins,
+        "margins_full_state": judged.margins_full_state,
+        "finite_horizon": judged.finite_horizon,
     }))
 }

@@ -110,7 +110,7 @@ fn anchored(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
 }
 
 /// Continuous model of the anchored load: states `r_1 v_1 … q_1 q_2 d`, input `v_a`.
-fn anchored_model(drive: &Drive, chain: &Chain) -> (DMatrix<f64>, DVector<f64>) {
+pub(super) fn anchored_model(drive: &Drive, chain: &Chain) -> (DMatrix<f64>, DVector<f64>) {
     let loads = chain.loads();
     let n = 2 * loads + 3;
     let (q1, q2, d) = (n - 3, n - 2, n - 1);
@@ -142,14 +142,13 @@ fn anchored_model(drive: &Drive, chain: &Chain) -> (DMatrix<f64>, DVector<f64>) 
     (a, b)
 }
 
-fn reaction(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
-    let sample_time = drive.control.sample_time;
-    let loads = chain.loads();
-    let a = chain.a();
-    let (transition, input) = discretise::zero_order_hold(&a, &chain.b(), sample_time);
-
-    // Relative motion s = (x_i − x_a, v_i − v_a): its rows of A close on themselves.
-    let n = 2 * loads;
+/// Relative motion `(x_i − x_a, v_i − v_a)` of a chain: the matrix that forms it from the state, and
+/// the one that forms a state from it with the centre of mass held still.
+///
+/// Spring forces depend on the relative motion alone, so its rows of `A` close on themselves.
+#[must_use]
+pub fn relative_motion(chain: &Chain) -> (DMatrix<f64>, DMatrix<f64>) {
+    let n = 2 * chain.loads();
     let relative = DMatrix::from_fn(n, n + 2, |row, column| {
         if column == row + 2 {
             1.0
@@ -159,7 +158,6 @@ fn reaction(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
             0.0
         }
     });
-    // Back to the masses, with the centre of mass held still.
     let total: f64 = chain.mass.iter().sum();
     let lift = DMatrix::from_fn(n + 2, n, |row, column| {
         let share = if row % 2 == column % 2 {
@@ -169,10 +167,21 @@ fn reaction(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
         };
         share + if row == column + 2 { 1.0 } else { 0.0 }
     });
+    (relative, lift)
+}
+
+fn reaction(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
+    let sample_time = drive.control.sample_time;
+    let loads = chain.loads();
+    let a = chain.a();
+    let (transition, input) = discretise::zero_order_hold(&a, &chain.b(), sample_time);
+
+    let (relative, lift) = relative_motion(chain);
     let a_relative = &relative * &a * &lift;
     let output_relative = chain.reaction_force() * &lift;
     let transition_relative = &relative * &transition * &lift;
 
+    let n = 2 * loads;
     // Random forces on every mass, seen in the relative velocities.
     let mut noise = DMatrix::zeros(n, n);
     for mass in 0..=loads {

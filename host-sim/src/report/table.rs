@@ -1,6 +1,8 @@
 //! Tables for people.
 
 use crate::design::Design;
+use crate::design::checks::Verdict;
+use crate::design::judgement::Judgement;
 use crate::error::Result;
 use crate::metrics::{Metrics, controlled_mass};
 use crate::simulate::{Law, Run};
@@ -144,4 +146,74 @@ pub fn design(design: &Design) -> Result<String> {
         slowest(design.observer_poles()?),
     );
     Ok(text)
+}
+
+/// Checks, margins and the gain over the time to go.
+#[must_use]
+pub fn judgement(judged: &Judgement) -> String {
+    let mut text = String::new();
+    let mut checks = table(&["check", "verdict", "value", "limit"]);
+    for check in &judged.checks {
+        let verdict = match check.verdict {
+            Verdict::Pass => "pass",
+            Verdict::Warn => "WARN",
+            Verdict::Refuse => "REFUSE",
+        };
+        checks.add_row([
+            Cell::new(check.name),
+            Cell::new(verdict),
+            right(format!("{:.4e}", check.value)),
+            right(format!("{:.4e}", check.limit)),
+        ]);
+    }
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "{checks}");
+    for check in judged
+        .checks
+        .iter()
+        .filter(|check| check.verdict != Verdict::Pass)
+    {
+        let _ = writeln!(text, "{}: {}", check.name, check.advice);
+    }
+
+    let mut margins = table(&[
+        "margins",
+        "gain [dB]",
+        "phase [deg]",
+        "delay [ms]",
+        "peak sensitivity",
+    ]);
+    for (name, m) in [
+        ("drive", &judged.margins),
+        ("full state", &judged.margins_full_state),
+    ] {
+        let shown = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.1}"));
+        margins.add_row([
+            Cell::new(name),
+            right(match m.gain_reduction_db {
+                Some(reduction) => format!("{reduction:.1} to +{}", shown(m.gain_margin_db)),
+                None => shown(m.gain_margin_db),
+            }),
+            right(shown(m.phase_margin_deg)),
+            right(shown(m.delay_margin.map(|delay| 1e3 * delay))),
+            right(format!(
+                "{:.2} at {:.1} Hz",
+                m.peak_sensitivity, m.peak_sensitivity_hz
+            )),
+        ]);
+    }
+    let _ = writeln!(text, "{margins}");
+
+    let mut horizon = table(&[
+        "time to go [ms]",
+        "distance of K(t), eq. (14), from the constant gain",
+    ]);
+    for gain in &judged.finite_horizon {
+        horizon.add_row([
+            right(format!("{:.1}", 1e3 * gain.time_to_go)),
+            right(format!("{:.2e}", gain.distance)),
+        ]);
+    }
+    let _ = writeln!(text, "{horizon}");
+    text
 }

@@ -1,0 +1,319 @@
+//! Checks before a design is trusted: the paper's conditions, and what experience adds.
+//!
+//! Each has a value, a limit, a verdict and a sentence on what to change. `warn`: works, with less
+//! margin than one would want; `refuse`: do not run this drive.
+
+use super::Design;
+use super::observer::{anchored_model, relative_motion};
+use crate::error::Result;
+use crate::model::{eigenvalues, separation};
+use arso_core::observer::Form;
+use nalgebra::{Complex, DMatrix, DVector, RowDVector};
+use serde::Serialize;
+
+/// How a check came out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Good.
+    Pass,
+    /// Works, with little margin.
+    Warn,
+    /// Must not be run.
+    Refuse,
+}
+
+/// One check.
+#[derive(Clone, Debug, Serialize)]
+pub struct Check {
+    /// What was checked.
+    pub name: &'static str,
+    /// How it came out.
+    pub verdict: Verdict,
+    /// The figure.
+    pub value: f64,
+    /// Where `warn` begins.
+    pub limit: f64,
+    /// What the figure means, and what to change.
+    pub advice: String,
+}
+
+/// All checks of a design.
+///
+/// # Errors
+/// [`Error::Design`](crate::error::Error::Design) when an eigenvalue iteration does not converge.
+pub fn checks(design: &Design) -> Result<Vec<Check>> {
+    Ok(vec![
+        distinct_eigenvalues(design)?,
+        observability(design)?,
+        samples_per_mode(design),
+        observer_speed(design)?,
+        encoder_noise(design),
+    ])
+}
+
+fn verdict(value: f64, warn_below: f64, refuse_below: f64) -> Verdict {
+    // Written so that what is no number is refused.
+    if value >= warn_below {
+        Verdict::Pass
+    } else if value >= refuse_below {
+        Verdict::Warn
+    } else {
+        Verdict::Refuse
+    }
+}
+
+/// The condition of section III, on the matrix that the chosen observer is built on.
+fn distinct_eigenvalues(design: &Design) -> Result<Check> {
+    let chain = &design.chain;
+    let limit = 1e-6;
+    let (value, advice) = match design.form() {
+        Form::Anchored => {
+            let loads = 2 * chain.loads();
+            let anchored = chain.a().view((2, 2), (loads, loads)).into_owned();
+            let value = separation(&eigenvalues(&anchored)?);
+            let advice = "the free chain has a double zero (rigid motion); the anchored observer \
+                          does not estimate that motion but measures it, and its own eigenvalues, \
+                          those of the loads on a held actuator, must be distinct";
+            (value, advice)
+        }
+        Form::Reaction => {
+            let advice = "eq. (17) observes the free chain, whose rigid motion is a double zero and \
+                          makes no reaction force: its error is never corrected and grows under any \
+                          unmodelled force; use observer = \"anchored\"";
+            (0.0, advice)
+        }
+    };
+    let verdict = match design.form() {
+        Form::Anchored => verdict(value, limit, 1e-12),
+        Form::Reaction => Verdict::Warn,
+    };
+    Ok(Check {
+        name: "distinct_eigenvalues",
+        verdict,
+        value,
+        limit,
+        advice: advice.into(),
+    })
+}
+
+/// Popov-Belevitch-Hautus test: smallest singular value of `[λ − A; c]` over the eigenvalues of the
+/// observer's model, positions in units of the first spring's stretch and time in units of the
+/// slowest mode, so that the figure means the same for every drive.
+fn observability(design: &Design) -> Result<Check> {
+    let chain = &design.chain;
+    let omega = design
+        .modes()
+        .first()
+        .map_or(1.0, |mode| std::f64::consts::TAU * mode.frequency_hz);
+    let stiffness = chain.stiffness[0];
+    let (a, c) = match design.form() {
+        Form::Anchored => {
+            let (a, b) = anchored_model(&design.drive, chain);
+            let n = b.len();
+            let mut c = RowDVector::zeros(n);
+            c[n - 2] = 1.0;
+            (a, c)
+        }
+        Form::Reaction => {
+            let (relative, lift) = relative_motion(chain);
+            (
+                &relative * chain.a() * &lift,
+                chain.reaction_force() * &lift,
+            )
+        }
+    };
+    let n = a.nrows();
+    let forces = if design.form() == Form::Anchored {
+        3
+    } else {
+        0
+    };
+    let unit = DVector::from_fn(n, |i, _| match i {
+        i if i >= n - forces => stiffness,
+        i if i % 2 == 1 => omega,
+        _ => 1.0,
+    });
+    let scaled = DMatrix::from_fn(n, n, |i, j| a[(i, j)] * unit[j] / unit[i] / omega);
+    let c = RowDVector::from_fn(n, |_, j| c[j] * unit[j] / stiffness);
+    let (mut value, mut worst) = (f64::INFINITY, Complex::new(0.0, 0.0));
+    for pole in eigenvalues(&scaled)? {
+        let mut pbh = DMatrix::zeros(n + 1, n);
+        for i in 0..n {
+            for j in 0..n {
+                let diagonal = if i == j { pole } else { Complex::new(0.0, 0.0) };
+                pbh[(i, j)] = diagonal - scaled[(i, j)];
+            }
+            pbh[(n, i)] = c[i].into();
+        }
+        let smallest = pbh.singular_values().min();
+        if smallest < value {
+            (value, worst) = (smallest, pole);
+        }
+    }
+    let limit = 1e-3;
+    let hz = worst.norm() * omega / std::f64::consts::TAU;
+    let rigid = if design.form() == Form::Reaction {
+        "; the rigid motion is not observable at all"
+    } else {
+        ""
+    };
+    Ok(Check {
+        name: "observability",
+        verdict: verdict(value, limit, 1e-9),
+        value,
+        limit,
+        advice: format!(
+            "the motion at {hz:.2} Hz is the hardest to see in the reaction force{rigid}; a stiffer \
+             first spring or a less weakly coupled load shows more of it"
+        ),
+    })
+}
+
+/// Samples in one period of the fastest mode.
+fn samples_per_mode(design: &Design) -> Check {
+    let fastest = design.modes().last().map_or(0.0, |mode| mode.frequency_hz);
+    let value = 1.0 / (fastest * design.drive.control.sample_time);
+    let limit = 10.0;
+    Check {
+        name: "samples_per_fastest_mode",
+        verdict: verdict(value, limit, 4.0),
+        value,
+        limit,
+        advice: format!(
+            "the fastest mode has {fastest:.1} Hz: control.sample_time below {:.2e} s samples it ten \
+             times per period",
+            0.1 / fastest
+        ),
+    }
+}
+
+/// Samples in which the fastest part of the estimation error decays by 1/e.
+fn observer_speed(design: &Design) -> Result<Check> {
+    let poles = design.observer_poles()?;
+    // Exact zeros are lags that the correction removes in one sample.
+    let fastest = poles
+        .iter()
+        .map(|pole| pole.norm())
+        .filter(|norm| *norm > 1e-9)
+        .fold(1.0, f64::min);
+    let value = -1.0 / f64::ln(fastest);
+    let limit = 0.7;
+    Ok(Check {
+        name: "observer_samples",
+        verdict: verdict(value, limit, 0.2),
+        value,
+        limit,
+        advice: "the observer settles its fastest part in this many samples; below one it follows \
+                 every count of noise: lower the cutoffs or shorten control.sample_time"
+            .into(),
+    })
+}
+
+/// Force noise of the reaction-force observer from the encoder's rounding, N rms, against the force
+/// of the motor.
+fn encoder_noise(design: &Design) -> Check {
+    let noise = force_noise(design);
+    let actuator = &design.drive.actuator;
+    let limit = 0.02 * actuator.actual_force_constant() * actuator.current_limit;
+    Check {
+        name: "encoder_force_noise",
+        // The smaller the better.
+        verdict: verdict(limit / noise, 1.0, 0.1),
+        value: noise,
+        limit,
+        advice:
+            "N rms of reaction force from encoder rounding; above 2 % of the motor's force lower \
+                 both cutoffs or use a finer encoder"
+                .into(),
+    }
+}
+
+/// Rounding is as good as noise, uniform over one count and different in each sample; the variance
+/// behind the filter is the sum of its squared impulse response.
+fn force_noise(design: &Design) -> f64 {
+    let (actuator, control) = (&design.drive.actuator, &design.drive.control);
+    let period = control.sample_time;
+    let pole = |cutoff: f64| (-cutoff * period).exp();
+    let (a_dist, a_reac) = (
+        pole(control.disturbance_cutoff),
+        pole(control.reaction_force_cutoff),
+    );
+    let (mut x_before, mut velocity, mut acceleration) = (0.0, 0.0, 0.0);
+    let mut sum = 0.0;
+    for k in 0..100_000 {
+        let x = if k == 0 { 1.0 } else { 0.0 };
+        let before = velocity;
+        velocity = a_dist * velocity + (1.0 - a_dist) * (x - x_before) / period;
+        x_before = x;
+        acceleration = a_reac * acceleration + (1.0 - a_reac) * (velocity - before) / period;
+        sum += acceleration * acceleration;
+        if k > 10 && velocity.abs() < 1e-12 / period && acceleration.abs() < 1e-12 / period {
+            break;
+        }
+    }
+    actuator.mass * f64::sqrt(sum) * design.drive.encoder.resolution / f64::sqrt(12.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::Drive;
+
+    fn design(change: impl FnOnce(&mut Drive)) -> Design {
+        let mut drive = Drive::default_drive();
+        change(&mut drive);
+        Design::new(&drive).unwrap()
+    }
+
+    fn named(design: &Design, name: &str) -> Check {
+        checks(design)
+            .unwrap()
+            .into_iter()
+            .find(|check| check.name == name)
+            .unwrap()
+    }
+
+    /// THEORY section 3: 0.005, 0.026, 0.104 N at 1, 5, 20 um.
+    #[test]
+    fn force_noise_is_as_computed_elsewhere() {
+        for (resolution, expected) in [(1e-6, 0.005), (5e-6, 0.026), (20e-6, 0.104)] {
+            let noise = force_noise(&design(|drive| drive.encoder.resolution = resolution));
+            assert!((noise - expected).abs() < 0.0006, "{noise} {expected}");
+        }
+    }
+
+    #[test]
+    fn the_default_drive_passes_everything() {
+        for check in checks(&design(|_| ())).unwrap() {
+            assert_eq!(check.verdict, Verdict::Pass, "{check:?}");
+        }
+    }
+
+    #[test]
+    fn bad_drives_are_found() {
+        let coarse = design(|drive| drive.encoder.resolution = 1e-3);
+        assert_eq!(
+            named(&coarse, "encoder_force_noise").verdict,
+            Verdict::Refuse
+        );
+        let slow = design(|drive| drive.control.sample_time = 4e-3);
+        assert_eq!(
+            named(&slow, "samples_per_fastest_mode").verdict,
+            Verdict::Warn
+        );
+        let reaction = design(|drive| drive.control.observer = Form::Reaction);
+        assert_eq!(
+            named(&reaction, "distinct_eigenvalues").verdict,
+            Verdict::Warn
+        );
+        // A last load on a spring a million times softer hardly shows at the actuator.
+        let hidden = design(|drive| {
+            drive.loads[2].stiffness = 3e-4;
+            drive.loads[2].damping = 1e-7;
+        });
+        let check = named(&hidden, "observability");
+        assert_ne!(check.verdict, Verdict::Pass, "{check:?}");
+        assert!(check.value < 0.1 * named(&design(|_| ()), "observability").value);
+    }
+}

@@ -1,0 +1,315 @@
+//! Margins of the loop, broken at the current command.
+//!
+//! The sampled loop from the command through plant, encoder, force observers, state observer and
+//! regulator back to the command, evaluated at `z = e^{jωT}`. The observers are fed with the
+//! command that the drive gives, as in the drive; what is varied is the current that flows in
+//! answer to it.
+
+use super::Design;
+use crate::error::{Error, Result};
+use arso_core::observer::Form;
+use nalgebra::{Complex, DMatrix, DVector, RowDVector};
+use serde::Serialize;
+
+/// How far the loop is from instability.
+#[derive(Clone, Debug, Serialize)]
+pub struct Margins {
+    /// How much the loop gain can grow, dB; none when growth alone never destabilises.
+    pub gain_margin_db: Option<f64>,
+    /// How much it can shrink, dB, negative; none when shrinking alone never destabilises.
+    pub gain_reduction_db: Option<f64>,
+    /// Degrees; none when the gain never crosses one.
+    pub phase_margin_deg: Option<f64>,
+    /// Additional delay that destabilises, s.
+    pub delay_margin: Option<f64>,
+    /// Largest magnitude of the sensitivity `1 / (1 + L)`.
+    pub peak_sensitivity: f64,
+    /// Where that is, Hz.
+    pub peak_sensitivity_hz: f64,
+}
+
+/// Frequencies looked at: logarithmic, fine enough for the peaks of damping ratios of 0.1 %.
+const GRID: usize = 40_000;
+const DECADES: f64 = 5.0;
+
+type C = Complex<f64>;
+
+impl Margins {
+    /// Of the drive's own loop, observers included.
+    ///
+    /// # Errors
+    /// [`Error::Design`] when the response cannot be computed.
+    pub fn of_drive(design: &Design) -> Result<Self> {
+        let controller = Controller::new(design);
+        Self::of(design, |z, plant| {
+            controller
+                .response(z)
+                .map(|controller| controller * plant[0])
+        })
+    }
+
+    /// Of feedback of the true state with the same gain: the bound.
+    ///
+    /// # Errors
+    /// As [`Margins::of_drive`].
+    pub fn of_full_state(design: &Design) -> Result<Self> {
+        let gain = design.regulator.map(C::from);
+        Self::of(design, |_, plant| Some(-(&gain * plant).x))
+    }
+
+    /// `command`: command in answer to the plant's state, so that `L = −command`.
+    fn of(design: &Design, command: impl Fn(C, &DVector<C>) -> Option<C>) -> Result<Self> {
+        let period = design.drive.control.sample_time;
+        let nyquist = std::f64::consts::PI / period;
+        let failed = || Error::Design("the loop's frequency response cannot be computed".into());
+        let response = |omega: f64| -> Option<C> {
+            let z = C::from_polar(1.0, omega * period);
+            let n = design.bd.len();
+            let matrix = DMatrix::identity(n, n) * z - design.ad.map(C::from);
+            let state = matrix.lu().solve(&design.bd.map(C::from))?;
+            command(z, &state).map(|command| -command)
+        };
+        let mut margins = Self {
+            gain_margin_db: None,
+            gain_reduction_db: None,
+            phase_margin_deg: None,
+            delay_margin: None,
+            peak_sensitivity: 0.0,
+            peak_sensitivity_hz: 0.0,
+        };
+        let mut last: Option<(f64, C)> = None;
+        for k in 0..GRID {
+            let exponent = DECADES * (k as f64 / (GRID - 1) as f64 - 1.0);
+            let omega = nyquist * 10_f64.powf(exponent);
+            let l = response(omega).ok_or_else(failed)?;
+            let sensitivity = 1.0 / (1.0 + l).norm();
+            if sensitivity > margins.peak_sensitivity {
+                margins.peak_sensitivity = sensitivity;
+                margins.peak_sensitivity_hz = omega / std::f64::consts::TAU;
+            }
+            if let Some((omega_before, before)) = last {
+                margins.cross((omega_before, before), (omega, l));
+            }
+            last = Some((omega, l));
+        }
+        // At half the sample rate the response is real.
+        if let Some((_, l)) = last
+            && l.re < 0.0
+        {
+            margins.gain_limit(l.norm());
+        }
+        Ok(margins)
+    }
+
+    /// Between two neighbouring frequencies: where the loop crosses the negative real axis, and
+    /// where its magnitude crosses one.
+    fn cross(&mut self, (omega_0, a): (f64, C), (omega_1, b): (f64, C)) {
+        if a.re < 0.0 && b.re < 0.0 && a.im.signum() != b.im.signum() {
+            let share = a.im / (a.im - b.im);
+            self.gain_limit((a + (b - a) * share).norm());
+        }
+        let (log_a, log_b) = (a.norm().ln(), b.norm().ln());
+        if log_a.signum() != log_b.signum() {
+            let share = log_a / (log_a - log_b);
+            let omega = omega_0 + (omega_1 - omega_0) * share;
+            // Phase above −180°, in (−180°, 180°].
+            let phase = (-(a + (b - a) * share)).arg();
+            let margin = phase.abs().to_degrees();
+            self.phase_margin_deg = Some(self.phase_margin_deg.map_or(margin, |m| m.min(margin)));
+            let lag = if phase < 0.0 {
+                phase + std::f64::consts::TAU
+            } else {
+                phase
+            };
+            let delay = lag / omega;
+            self.delay_margin = Some(self.delay_margin.map_or(delay, |d| d.min(delay)));
+        }
+    }
+
+    fn gain_limit(&mut self, magnitude: f64) {
+        let margin = -20.0 * magnitude.log10();
+        if margin > 0.0 {
+            let least = self.gain_margin_db.map_or(margin, |m| m.min(margin));
+            self.gain_margin_db = Some(least);
+        } else {
+            let least = self.gain_reduction_db.map_or(margin, |m| m.max(margin));
+            self.gain_reduction_db = Some(least);
+        }
+    }
+}
+
+/// The drive from measured position to command, as a transfer function.
+struct Controller<'a> {
+    design: &'a Design,
+    transition: DMatrix<C>,
+    input: DVector<C>,
+    output: RowDVector<C>,
+    correction: DVector<C>,
+}
+
+impl<'a> Controller<'a> {
+    fn new(design: &'a Design) -> Self {
+        let observer = &design.observer;
+        Self {
+            design,
+            transition: observer.transition.map(C::from),
+            input: observer.input.map(C::from),
+            output: observer.output.map(C::from),
+            correction: observer.correction.map(C::from),
+        }
+    }
+
+    /// Command per metre of actuator position, the observers fed with that very command.
+    fn response(&self, z: C) -> Option<C> {
+        let per_position = self.command(z, C::from(1.0), C::from(0.0))?;
+        let per_current = self.command(z, C::from(0.0), C::from(1.0))?;
+        // The current of the last period is the command of the last period.
+        Some(per_position / (1.0 - per_current / z))
+    }
+
+    /// Command for a measured position and an applied current.
+    fn command(&self, z: C, position: C, current: C) -> Option<C> {
+        let drive = &self.design.drive;
+        let (actuator, control) = (&drive.actuator, &drive.control);
+        let period = control.sample_time;
+        let delay = 1.0 / z;
+        let lag = |cutoff: f64| {
+            let pole = (-cutoff * period).exp();
+            (1.0 - pole) / (1.0 - delay * pole)
+        };
+        let (lag_dist, lag_reac) = (
+            lag(control.disturbance_cutoff),
+            lag(control.reaction_force_cutoff),
+        );
+
+        // (19) and (18) as the core has them: two exact lags on the current, two filtered
+        // differences on the position, the deviations filtered once.
+        let (g_dist, g_reac) = (control.disturbance_cutoff, control.reaction_force_cutoff);
+        let (a_dist, a_reac) = ((-g_dist * period).exp(), (-g_reac * period).exp());
+        let difference = (g_reac - g_dist) * period;
+        let ratio = if difference == 0.0 {
+            1.0
+        } else {
+            difference.exp_m1() / difference
+        };
+        let cascade_state = g_reac * period * a_reac * ratio;
+        let cascade_input = 1.0 - a_reac - cascade_state;
+        let twice = (delay * cascade_state * lag_dist + cascade_input) / (1.0 - delay * a_reac);
+        debug_assert!(a_dist < 1.0);
+        let raw_velocity = (1.0 - delay) / period * position;
+        let velocity = lag_dist * raw_velocity;
+        let acceleration = lag_reac * (1.0 - delay) / period * velocity;
+        let raw_acceleration = lag_reac * (1.0 - delay) / period * raw_velocity;
+        let force = twice * actuator.force_constant * current - acceleration * actuator.mass
+            + lag_reac * actuator.force_constant_deviation * current
+            - raw_acceleration * actuator.mass_deviation;
+
+        // z_k = (1 − L c)(F z_{k−1} + g u) + L f
+        let n = self.input.len();
+        let blind = DMatrix::identity(n, n) - &self.correction * &self.output;
+        let held = match self.design.form() {
+            Form::Anchored => raw_velocity,
+            Form::Reaction => current,
+        };
+        let matrix = DMatrix::identity(n, n) - &blind * &self.transition * delay;
+        let right = &blind * &self.input * held + &self.correction * force;
+        let state = matrix.lu().solve(&right)?;
+
+        let gain = &self.design.regulator;
+        let mut command = C::from(0.0);
+        match self.design.form() {
+            Form::Anchored => {
+                command -= position * gain[0] + velocity * gain[1];
+                for load in 0..self.design.loads() {
+                    command -= (state[2 * load] + position) * gain[2 * load + 2]
+                        + state[2 * load + 1] * gain[2 * load + 3];
+                }
+                command += state[n - 1] / actuator.actual_force_constant();
+            }
+            Form::Reaction => {
+                for (gain, state) in gain.iter().zip(state.iter()) {
+                    command -= state * *gain;
+                }
+            }
+        }
+        Some(command)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::Drive;
+    use crate::model::spectral_radius;
+
+    fn design() -> Design {
+        Design::new(&Drive::default_drive()).unwrap()
+    }
+
+    /// THEORY section 4: feedback of the full state has 24 dB and 6.3 ms. Independent of the frequency
+    /// response: with six samples of delay in the loop its poles are inside the unit circle, with
+    /// seven they are not, and the margin of 6.4 ms is between.
+    #[test]
+    fn full_state_margins_are_as_computed_elsewhere() {
+        let margins = Margins::of_full_state(&design()).unwrap();
+        println!("{margins:?}");
+        assert!((margins.gain_margin_db.unwrap() - 24.0).abs() < 0.5);
+        assert!((margins.delay_margin.unwrap() - 6.3e-3).abs() < 0.2e-3);
+        let design = design();
+        for (delay, stable) in [(6, true), (7, false)] {
+            let n = design.ad.nrows();
+            let mut closed = DMatrix::zeros(n + delay, n + delay);
+            closed.view_mut((0, 0), (n, n)).copy_from(&design.ad);
+            closed.view_mut((0, n), (n, 1)).copy_from(&design.bd);
+            for i in 1..delay {
+                closed[(n + i - 1, n + i)] = 1.0;
+            }
+            closed
+                .view_mut((n + delay - 1, 0), (1, n))
+                .copy_from(&-&design.regulator);
+            assert_eq!(spectral_radius(&closed).unwrap() < 1.0, stable, "{delay}");
+        }
+    }
+
+    /// Independent of the frequency response: at the gain margin the closed loop's largest pole is
+    /// on the unit circle.
+    #[test]
+    fn the_loop_is_on_the_brink_at_its_gain_margin() {
+        let design = design();
+        let margin = Margins::of_full_state(&design)
+            .unwrap()
+            .gain_margin_db
+            .unwrap();
+        for (factor, stable) in [(0.99, true), (1.01, false)] {
+            let gain = factor * 10_f64.powf(margin / 20.0);
+            let closed = &design.ad - &design.bd * &design.regulator * gain;
+            assert_eq!(spectral_radius(&closed).unwrap() < 1.0, stable);
+        }
+    }
+
+    /// The drive itself in simulation: its motor's force scaled to just below the gain margin the
+    /// loop settles, just above it does not.
+    #[test]
+    fn the_simulated_drive_agrees_with_its_gain_margin() {
+        use crate::drive::PlantFile;
+        use crate::scenario::Scenario;
+        use crate::simulate::{Law, simulate};
+        let design = design();
+        let margins = Margins::of_drive(&design).unwrap();
+        println!("{margins:?}");
+        let margin = margins.gain_margin_db.unwrap();
+        let swing = |factor: f64| {
+            let mut plant = PlantFile::from(&design.drive);
+            plant.actuator.force_constant *= factor * 10_f64.powf(margin / 20.0);
+            let scenario = Scenario::named("fig4").unwrap();
+            let run = simulate(&design, &plant, scenario, Law::Core, 3.0).unwrap();
+            let end = run.samples[2500..].iter().map(|sample| sample.truth[0]);
+            let (low, high) = end.fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(x), h.max(x)));
+            high - low
+        };
+        let (below, above) = (swing(0.93), swing(1.07));
+        println!("{below:e} {above:e}");
+        assert!(below < 100e-6, "{below}");
+        assert!(above > 1e-3, "{above}");
+    }
+}
