@@ -1,0 +1,255 @@
+"""Compares `host-sim design --json` with scipy and python-control.
+
+For the default drive and for random chains (1 to 6 loads, stiffness over four decades, damping
+ratios down to 0.001): modes, system matrix, sampled model, gain, poles, observer gain, the gain over
+the time to go, and the margins of full-state feedback. Everything here is formed from the drive's
+description alone. Prints the worst disagreement of each quantity and fails beyond 1e-6.
+
+usage: agreement.py HOST_SIM [CHAINS]
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+import control
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm, solve_discrete_are
+
+LIMIT = 1e-6
+# Ratios of the observer's noise densities, THEORY section 4: forces on the loads, random walk of
+# the disturbance, over the noise of the measured force.
+FORCE_RATIO, DISTURBANCE_RATIO = 0.3 / np.sqrt(1e-3), 300.0
+
+
+def chain(drive):
+    """Continuous model: A, B of the current, masses."""
+    loads = drive["load"]
+    actuator = drive["actuator"]
+    mass = [actuator["mass"]] + [load["mass"] for load in loads]
+    n = len(mass)
+    stiffness = np.zeros((n, n))
+    damping = np.zeros((n, n))
+    for j, load in enumerate(loads):
+        pair = np.zeros(n)
+        pair[j], pair[j + 1] = 1.0, -1.0
+        stiffness += load["stiffness"] * np.outer(pair, pair)
+        damping += load["damping"] * np.outer(pair, pair)
+    inverse = np.diag(1.0 / np.array(mass))
+    a = np.zeros((2 * n, 2 * n))
+    a[0::2, 1::2] = np.eye(n)
+    a[1::2, 0::2] = -inverse @ stiffness
+    a[1::2, 1::2] = -inverse @ damping
+    b = np.zeros((2 * n, 1))
+    b[1, 0] = actuator["force_constant"] / mass[0]
+    return a, b, np.array(mass)
+
+
+def integral(a, q, t):
+    """Integral of exp(A's) Q exp(As) from 0 to t (Van Loan)."""
+    n = len(a)
+    block = np.block([[-a.T, q], [np.zeros((n, n)), a]])
+    e = expm(block * t)
+    return e[n:, n:].T @ e[:n, n:]
+
+
+def regulator(drive, a, b):
+    """Sampled model and LQR gain of the continuous cost under zero-order hold."""
+    n, t = len(a), drive["control"]["sample_time"]
+    cost = drive["cost"]
+    weights = np.empty(n)
+    weights[0::2], weights[1::2] = cost["position"], cost["velocity"]
+    big = np.zeros((n + 1, n + 1))
+    big[:n, :n], big[:n, n:] = a, b
+    e = expm(big * t)
+    ad, bd = e[:n, :n], e[:n, n:]
+    w = integral(big, np.diag(np.append(weights, cost["current"])), t)
+    q, s, r = w[:n, :n], w[:n, n:], w[n:, n:]
+    x = solve_discrete_are(ad, bd, (q + q.T) / 2, r, s=s)
+    k = np.linalg.solve(r + bd.T @ x @ bd, bd.T @ x @ ad + s.T)
+    return ad, bd, k, weights
+
+
+def observer(drive, a, mass):
+    """Transition and Kalman gain of the anchored observer."""
+    control_ = drive["control"]
+    t, g_dist, g_reac = (
+        control_[key] for key in ("sample_time", "disturbance_cutoff", "reaction_force_cutoff")
+    )
+    loads = len(mass) - 1
+    n = 2 * loads + 3
+    k1, c1 = drive["load"][0]["stiffness"], drive["load"][0]["damping"]
+    f = np.zeros((n, n))
+    f[: 2 * loads, : 2 * loads] = a[2:, 2:]
+    q1, q2, d = n - 3, n - 2, n - 1
+    f[q1, 0], f[q1, 1], f[q1, d], f[q1, q1] = -g_dist * k1, -g_dist * c1, g_dist, -g_dist
+    f[q2, q1], f[q2, q2] = g_reac, -g_reac
+    noise = np.zeros(n)
+    noise[1 : 2 * loads : 2] = (FORCE_RATIO / mass[1:]) ** 2
+    noise[d] = DISTURBANCE_RATIO**2
+    transition = expm(f * t)
+    process = integral(f.T, np.diag(noise), t)
+    c = np.zeros((1, n))
+    c[0, q2] = 1.0
+    p = solve_discrete_are(transition.T, c.T, (process + process.T) / 2, np.array([[1.0 / t]]))
+    gain = p @ c.T / (c @ p @ c.T + 1.0 / t)
+    return transition, gain
+
+
+def finite_horizon(a, b, weights, r, times):
+    """Gain over the time to go, by integrating the Riccati differential equation."""
+    n = len(a)
+    q = np.diag(weights)
+
+    def rate(_, flat):
+        p = flat.reshape(n, n)
+        pb = p @ b
+        return (a.T @ p + p @ a - pb @ pb.T / r + q).ravel()
+
+    solution = solve_ivp(
+        rate, (0.0, times[-1]), np.zeros(n * n), method="DOP853", t_eval=times, rtol=1e-11, atol=1e-13
+    )
+    return [(b.T @ p.reshape(n, n) / r).ravel() for p in solution.y.T]
+
+
+def apart(found, expected):
+    """Largest difference, relative to the largest expected magnitude."""
+    found, expected = np.asarray(found), np.asarray(expected)
+    return np.abs(found - expected).max() / np.abs(expected).max()
+
+
+def poles_apart(found, matrix):
+    """How far the expected matrix is from one that has exactly the found poles, relative to it.
+
+    Poles that lie close together move by the root of any rounding, so that two good routines
+    disagree in them; the smallest singular value of A - pole does not. As sets they must still
+    match.
+    """
+    found = np.array([complex(*pole) for pole in found])
+    expected = list(np.linalg.eigvals(matrix))
+    size, identity = np.linalg.norm(matrix, 2), np.eye(len(matrix))
+    for pole in found:
+        nearest = min(range(len(expected)), key=lambda i: abs(expected[i] - pole))
+        assert abs(expected.pop(nearest) - pole) < 1e-3
+    singular = (np.linalg.svd(matrix - pole * identity, compute_uv=False)[-1] for pole in found)
+    return max(singular) / size
+
+
+def toml(drive):
+    """The drive as a file."""
+    lines = []
+    for name, table in drive.items():
+        for entry in table if isinstance(table, list) else [table]:
+            lines.append(f"[[{name}]]" if isinstance(table, list) else f"[{name}]")
+            lines += [f"{key} = {json.dumps(value)}" for key, value in entry.items()]
+    return "\n".join(lines)
+
+
+def random_drive(rng):
+    """A chain that a machine could have: sampled some 15 to 60 times per period of its fastest mode."""
+    loads = int(rng.integers(1, 7))
+    scale = 10 ** rng.uniform(1.5, 5.5)
+    actuator = {"mass": 10 ** rng.uniform(-1.5, 0.5), "force_constant": 10 ** rng.uniform(0, 1.5)}
+    drive = {"actuator": actuator | {"current_limit": 5.0}}
+    drive["encoder"] = {"resolution": 1e-6, "counter_bits": 16}
+    drive["load"] = []
+    for _ in range(loads):
+        mass = actuator["mass"] * 10 ** rng.uniform(-0.7, 0.7)
+        stiffness = scale * 10 ** rng.uniform(-0.5, 0.5)
+        ratio = 10 ** rng.uniform(-3, -1.3)
+        damping = 2 * ratio * np.sqrt(stiffness * mass)
+        drive["load"].append({"mass": mass, "stiffness": stiffness, "damping": damping})
+    drive["control"] = {"observer": "anchored"}
+    drive["cost"] = {"current": 10 ** rng.uniform(-1, 1)}
+    a, _, _ = chain(drive)
+    fastest = np.abs(np.linalg.eigvals(a)).max()
+    sample_time = 2 * np.pi / fastest / rng.uniform(15, 60)
+    drive["control"] |= {"sample_time": sample_time}
+    drive["control"] |= {
+        "disturbance_cutoff": rng.uniform(0.2, 0.9) / sample_time,
+        "reaction_force_cutoff": rng.uniform(0.2, 0.9) / sample_time,
+    }
+    drive["cost"]["position"] = list(10 ** rng.uniform(1, 4, loads + 1))
+    drive["cost"]["velocity"] = list(10 ** rng.uniform(-2, 1, loads + 1))
+    return drive
+
+
+def compare(host_sim, drive):
+    """Disagreement of every quantity for one drive."""
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "drive.toml"
+        path.write_text(toml(drive))
+        run = subprocess.run([host_sim, "design", "--json", path], capture_output=True, text=True)
+    if not run.stdout:
+        raise SystemExit(f"design failed: {run.stderr}\n{toml(drive)}")
+    found = json.loads(run.stdout)
+    a, b, mass = chain(drive)
+    ad, bd, k, weights = regulator(drive, a, b)
+    transition, gain = observer(drive, a, mass)
+    c = np.zeros(len(gain))
+    c[-2] = 1.0
+    result = {
+        "a": apart(found["a"], a),
+        "ad": apart(found["ad"], ad),
+        "bd": apart(found["bd"], bd.ravel()),
+        "k": apart(found["k"], k.ravel()),
+        "regulator_poles": poles_apart(found["regulator_poles"], ad - bd @ k),
+        "observer_gain": apart(found["observer_gain"], gain.ravel()),
+        "observer_poles": poles_apart(
+            found["observer_poles"],
+            (np.eye(len(c)) - np.outer(gain.ravel(), c)) @ transition,
+        ),
+    }
+    horizon = found["finite_horizon"]
+    times = [entry["time_to_go"] for entry in horizon]
+    expected = finite_horizon(a, b, weights, drive["cost"]["current"], times)
+    result["finite_horizon"] = max(apart(h["k"], e) for h, e in zip(horizon, expected))
+
+    # Undamped frequencies from the symmetric eigenvalue problem.
+    stiffness = -np.diag(mass) @ a[1::2, 0::2]
+    root = np.diag(mass**-0.5)
+    frequency = np.sqrt(np.abs(np.linalg.eigvalsh(root @ stiffness @ root)))[1:] / (2 * np.pi)
+    result["modes"] = apart([mode["frequency_hz"] for mode in found["modes"]], frequency)
+    return result, found, (ad, bd, k)
+
+
+def main():
+    host_sim = sys.argv[1]
+    chains = int(sys.argv[2]) if len(sys.argv) > 2 else 50
+    rng = np.random.default_rng(20261124)
+    default = tomllib.loads((Path(__file__).parents[2] / "host-sim/drive.toml").read_text())
+    worst = {}
+    for i in range(chains + 1):
+        drive = random_drive(rng) if i else default
+        result, found, loop = compare(host_sim, drive)
+        for name, value in result.items():
+            worst[name] = max(worst.get(name, (0.0, 0)), (value, i))
+        if i == 0:
+            # Margins of full-state feedback by python-control, from a frequency response: its
+            # polynomial method loses all figures on nine poles next to each other.
+            ad, bd, k = loop
+            t = default["control"]["sample_time"]
+            omega = np.geomspace(1e-1, np.pi / t * (1 - 1e-9), 50_000)
+            response = control.frequency_response(control.ss(ad, bd, k, 0, t), omega)
+            gain, phase, *_ = control.stability_margins(response, method="frd")
+            # At half the sample rate the response is real without crossing.
+            gain = min(gain, 1 / abs((k @ np.linalg.solve(-np.eye(len(ad)) - ad, bd)).item()))
+            margins = found["margins_full_state"]
+            ours = margins["gain_margin_db"], margins["phase_margin_deg"]
+            print(f"margins, full state: {ours[0]:.4f} dB {ours[1]:.4f} deg;", end=" ")
+            print(f"python-control: {20 * np.log10(gain):.4f} dB {phase:.4f} deg")
+            assert abs(ours[0] - 20 * np.log10(gain)) < 0.01
+            assert abs(ours[1] - phase) < 0.01
+    print(f"worst relative disagreement over the default drive and {chains} random chains:")
+    for name, (value, i) in worst.items():
+        print(f"  {name:16} {value:.1e} (chain {i})")
+    bad = [name for name, (value, _) in worst.items() if not value < LIMIT]
+    if bad:
+        raise SystemExit(f"beyond {LIMIT}: {', '.join(bad)}")
+
+
+main()
