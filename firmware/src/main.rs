@@ -10,8 +10,7 @@
 //! The two share nothing but two lock-free queues. All that touches hardware is in [`board`], the
 //! gains are generated ([`gains`]), and what happens between encoder and current is
 //! `arso_core::Controller`, the same that the simulation runs.
-#![no_std]
-#![no_main]
+#![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
 #[cfg(not(target_os = "none"))]
@@ -19,6 +18,9 @@ compile_error!(
     "the firmware is built for the drive board: `cargo fw`, or tests/build-firmware where the \
      target thumbv7em-none-eabihf is not installed"
 );
+
+#[cfg(not(target_os = "none"))]
+fn main() {}
 
 #[cfg(target_os = "none")]
 mod board;

@@ -218,6 +218,25 @@ fn the_amplifier_is_off_unless_asked() {
     assert_eq!(stopped.last().unwrap().code, Some(2048));
 }
 
+/// A fault of the processor in the midst of a motion: the firmware's handler switches the amplifier
+/// off within some instructions and halts, until the watchdog resets it.
+#[test]
+fn a_processor_fault_switches_the_amplifier_off() {
+    let mut rig = start(|_| {}).unwrap();
+    rig.commission().unwrap();
+    rig.switches(true, 1);
+    let moving = rig.periods(40).unwrap().pop().unwrap();
+    assert!(moving.enabled && moving.code != Some(2048));
+    let before = rig.board.instructions();
+    rig.board.hard_fault();
+    let stop = rig.board.run_to_tick().unwrap_err();
+    assert!(matches!(stop, Stop::Halted { .. }), "{stop}");
+    assert!(rig.board.instructions() - before < 100);
+    assert!(!rig.board.bus().ports[1].drives_high(12));
+    assert_eq!(rig.board.bus().current_reference(), Some(2048));
+    assert!(rig.board.bus().watchdog.expires().is_some());
+}
+
 /// An access that no model knows names address and program counter.
 #[test]
 fn unknown_registers_are_errors() {

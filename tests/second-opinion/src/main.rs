@@ -5,11 +5,13 @@
 //! request (u16: 0 none, 1 commission, 2 start, 3 step to 30 mm), encoder count (u16), applied
 //! current (f32). Writes `commands.bin`, the bits of command, reaction force and the position and
 //! velocity of every load (f32 each). All little-endian.
-#![no_std]
-#![no_main]
+#![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
 compile_error!("this is built for the emulator: tests/build-firmware second-opinion");
+
+#[cfg(not(target_os = "none"))]
+fn main() {}
 
 #[cfg(target_os = "none")]
 #[path = "../../../firmware/src/gains.rs"]

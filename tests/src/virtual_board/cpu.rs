@@ -343,6 +343,12 @@ impl Board {
         }
     }
 
+    /// Makes the processor take a fault here and now, whatever it is doing.
+    pub fn hard_fault(&mut self) {
+        self.asleep = false;
+        self.enter(super::nvic::HARD_FAULT);
+    }
+
     /// Takes a pending exception or executes until something is due.
     fn run_to_event(&mut self) -> Result<(), Stop> {
         let pending = self.bus().nvic.any_pending();

@@ -7,6 +7,8 @@
 
 use super::peripheral::Unknown;
 
+/// Exception number of a fault of the processor; its priority is fixed above all others.
+pub const HARD_FAULT: u32 = 3;
 /// Exception number of interrupt 0.
 pub const FIRST_INTERRUPT: u32 = 16;
 /// Exception number of the system timer.
@@ -61,7 +63,9 @@ impl Nvic {
     }
 
     fn priority_of(&self, exception: u32) -> i32 {
-        if exception >= FIRST_INTERRUPT {
+        if exception == HARD_FAULT {
+            -1
+        } else if exception >= FIRST_INTERRUPT {
             self.priority[(exception - FIRST_INTERRUPT) as usize].into()
         } else {
             self.system_priority[exception as usize - 4].into()
@@ -113,7 +117,7 @@ impl Nvic {
     pub fn enter(&mut self, exception: u32) {
         if exception == SYSTICK {
             self.systick_pending = false;
-        } else {
+        } else if exception >= FIRST_INTERRUPT {
             self.latched[(exception - FIRST_INTERRUPT) as usize] = false;
         }
         self.active.push(exception);
