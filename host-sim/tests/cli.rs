@@ -357,6 +357,40 @@ fn drives_without_the_needed_tables_say_so() {
     assert_eq!((code, error.as_str()), (0, ""));
 }
 
+/// A design that a check refuses is shown, but not written, and is a failed run.
+#[test]
+fn a_refused_design_is_not_written() {
+    let directory = tempfile::tempdir().unwrap();
+    let (path, gains) = (
+        directory.path().join("drive.toml"),
+        directory.path().join("gains.rs"),
+    );
+    fs::write(
+        &path,
+        DRIVE.replace("resolution = 1e-6 ", "resolution = 1e-3 "),
+    )
+    .unwrap();
+    let (path, rust) = (path.to_str().unwrap(), gains.to_str().unwrap());
+    let (code, text, error) = run(&["design", path, "--rust", rust]);
+    assert_eq!((code, error.lines().count()), (1, 1), "{error}");
+    assert!(
+        text.contains("REFUSE") && !text.contains("gains written"),
+        "{text}"
+    );
+    assert!(error.contains("encoder_force_noise refuses it"), "{error}");
+    assert!(!gains.exists());
+}
+
+/// The printed gains: a table for people, a grid for machines.
+#[test]
+fn the_printed_gains_are_shown() {
+    let (code, text, _) = run(&["paper"]);
+    assert!(code == 0 && text.contains("UNSTABLE 45.69"), "{text}");
+    let (code, text, _) = run(&["paper", "--json"]);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((code, value["grid"].as_array().unwrap().len()), (0, 49));
+}
+
 /// Well-formed, but nothing can be designed: a failed run.
 #[test]
 fn a_chain_too_fast_for_the_sample_time_is_refused() {

@@ -6,7 +6,7 @@
 use super::Design;
 use super::observer::{anchored_model, relative_motion};
 use crate::error::Result;
-use crate::model::{eigenvalues, separation};
+use crate::model::{eigenvalues, separation, spectral_radius};
 use arso_core::observer::Form;
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 use serde::Serialize;
@@ -49,6 +49,7 @@ pub fn checks(design: &Design) -> Result<Vec<Check>> {
         samples_per_mode(design),
         observer_speed(design)?,
         encoder_noise(design),
+        commissioning_brake(design)?,
     ])
 }
 
@@ -229,6 +230,53 @@ fn encoder_noise(design: &Design) -> Check {
     }
 }
 
+/// Largest pole of the loop that commissioning closes around actuator and encoder alone, as if the
+/// load were rigid: position and filtered velocity of the actuator times the sums of the gains.
+fn commissioning_brake(design: &Design) -> Result<Check> {
+    let control = &design.drive.control;
+    let period = control.sample_time;
+    let pole = (-control.disturbance_cutoff * period).exp();
+    let position: f64 = design.regulator.iter().step_by(2).sum();
+    let velocity: f64 = design.regulator.iter().skip(1).step_by(2).sum();
+    // States: the chain, the actuator's position one sample ago, the filtered velocity then.
+    let n = design.bd.len();
+    let slope = (1.0 - pole) / period;
+    let mut gain = RowDVector::zeros(n + 2);
+    gain[0] = -position - velocity * slope;
+    gain[n] = velocity * slope;
+    gain[n + 1] = -velocity * pole;
+    let mut closed = DMatrix::zeros(n + 2, n + 2);
+    closed.view_mut((0, 0), (n, n)).copy_from(&design.ad);
+    let mut input = DVector::zeros(n + 2);
+    input.rows_mut(0, n).copy_from(&design.bd);
+    closed += input * gain;
+    closed[(n, 0)] = 1.0;
+    closed[(n + 1, 0)] = slope;
+    closed[(n + 1, n)] = -slope;
+    closed[(n + 1, n + 1)] = pole;
+    let value = spectral_radius(&closed)?;
+    // Settled to 2 % within the two seconds that commissioning waits.
+    let limit = (-4.0 * period / 2.0).exp();
+    let verdict = if value < limit {
+        Verdict::Pass
+    } else if value < 1.0 {
+        Verdict::Warn
+    } else {
+        Verdict::Refuse
+    };
+    Ok(Check {
+        name: "commissioning_brake",
+        verdict,
+        value,
+        limit,
+        advice:
+            "largest pole of the loop that brakes the actuator after its signs are proven; from 1 \
+                 on it does not brake: smaller cost.position and cost.velocity against \
+                 cost.current, a shorter control.sample_time or a higher disturbance_cutoff"
+                .into(),
+    })
+}
+
 /// Rounding is as good as noise, uniform over one count and different in each sample; the variance
 /// behind the filter is the sum of its squared impulse response.
 fn force_noise(design: &Design) -> f64 {
@@ -287,6 +335,25 @@ mod tests {
     fn the_default_drive_passes_everything() {
         for check in checks(&design(|_| ())).unwrap() {
             assert_eq!(check.verdict, Verdict::Pass, "{check:?}");
+        }
+    }
+
+    /// What the check foretells is what happens: the same plant is commissioned or not.
+    #[test]
+    fn the_brake_check_foretells_commissioning() {
+        use crate::corridor::corridor;
+        use crate::drive::PlantFile;
+        use crate::simulate::commission;
+        for (current_weight, brakes) in
+            [(1.0, true), (0.003, true), (0.001, false), (0.0003, false)]
+        {
+            let design = design(|drive| drive.cost.current = current_weight);
+            let check = named(&design, "commissioning_brake");
+            assert_eq!(check.verdict < Verdict::Refuse, brakes, "{check:?}");
+            let plant = PlantFile::from(&design.drive);
+            let mut core = corridor(&design).unwrap();
+            let commissioned = commission(core.as_mut(), &plant, 1e-3);
+            assert_eq!(commissioned.is_ok(), brakes, "{current_weight}");
         }
     }
 
