@@ -24,12 +24,14 @@ pub struct Chain {
 }
 
 /// One flexible mode of the free chain.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Mode {
     /// Undamped frequency, Hz.
     pub frequency_hz: f64,
     /// Damping ratio; 1 and above: no oscillation.
     pub damping_ratio: f64,
+    /// Amplitude of each mass, actuator first; the largest is 1.
+    pub shape: Vec<f64>,
 }
 
 impl Chain {
@@ -126,24 +128,33 @@ impl Chain {
         };
         let damping = assemble(&self.damping);
         let eigen = assemble(&self.stiffness).symmetric_eigen();
-        let mut modes: Vec<(f64, f64)> = eigen
+        let mut modes: Vec<Mode> = eigen
             .eigenvalues
             .iter()
             .zip(eigen.eigenvectors.column_iter())
-            .map(|(square, shape)| {
+            .map(|(square, vector)| {
                 let omega = square.max(0.0).sqrt();
-                (omega, (shape.transpose() * &damping * shape).x)
+                let along = (vector.transpose() * &damping * vector).x;
+                let amplitudes = vector.iter().zip(&self.mass);
+                let shape: Vec<f64> = amplitudes.map(|(v, mass)| v / mass.sqrt()).collect();
+                let largest = shape.iter().copied().fold(0.0, |largest: f64, amplitude| {
+                    if amplitude.abs() > largest.abs() {
+                        amplitude
+                    } else {
+                        largest
+                    }
+                });
+                Mode {
+                    frequency_hz: omega / std::f64::consts::TAU,
+                    damping_ratio: along / (2.0 * omega),
+                    shape: shape.iter().map(|amplitude| amplitude / largest).collect(),
+                }
             })
             .collect();
-        modes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
         // The slowest is the rigid motion.
-        let flexible = modes.into_iter().skip(1);
-        flexible
-            .map(|(omega, damping)| Mode {
-                frequency_hz: omega / std::f64::consts::TAU,
-                damping_ratio: damping / (2.0 * omega),
-            })
-            .collect()
+        modes.remove(0);
+        modes
     }
 }
 
@@ -202,7 +213,10 @@ mod tests {
             viscous: 0.0,
             force_constant: 1.0,
         };
-        let mode = pair.modes()[0];
+        let mode = &pair.modes()[0];
+        // Equal masses swing against each other.
+        assert!((mode.shape[0] + mode.shape[1]).abs() < 1e-12);
+        assert!((mode.shape[0].abs() - 1.0).abs() < 1e-12);
         let omega = 400.0_f64.sqrt();
         assert!((mode.frequency_hz * std::f64::consts::TAU - omega).abs() < 1e-9);
         assert!((mode.damping_ratio - 0.8 / (2.0 * omega)).abs() < 1e-12);

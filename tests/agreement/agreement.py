@@ -212,8 +212,16 @@ def compare(host_sim, drive):
     # Undamped frequencies from the symmetric eigenvalue problem.
     stiffness = -np.diag(mass) @ a[1::2, 0::2]
     root = np.diag(mass**-0.5)
-    frequency = np.sqrt(np.abs(np.linalg.eigvalsh(root @ stiffness @ root)))[1:] / (2 * np.pi)
+    squares, vectors = np.linalg.eigh(root @ stiffness @ root)
+    frequency = np.sqrt(np.abs(squares))[1:] / (2 * np.pi)
     result["modes"] = apart([mode["frequency_hz"] for mode in found["modes"]], frequency)
+    shapes = root @ vectors[:, 1:]
+    result["shapes"] = max(
+        # The sign of a shape is anybody's choice where two masses swing equally far.
+        min(apart(mode["shape"], shape / s) for s in (peak, -peak))
+        for mode, shape in zip(found["modes"], shapes.T)
+        for peak in [np.abs(shape).max()]
+    )
     return result, found, (ad, bd, k)
 
 

@@ -97,20 +97,23 @@ pub fn experiments(design: &Design, runs: &[(Run, Metrics)]) -> String {
 /// [`Error::Design`](crate::error::Error::Design) when poles cannot be computed.
 pub fn design(design: &Design) -> Result<String> {
     let mut text = String::new();
-    let modes = design.modes();
-    let modes = modes.iter().map(|mode| {
-        format!(
-            "{:.2} Hz ({:.1} %)",
-            mode.frequency_hz,
-            100.0 * mode.damping_ratio
-        )
-    });
+    let mut modes = table(&[
+        "mode",
+        "frequency [Hz]",
+        "damping ratio [%]",
+        "shape x_a x_1 ...",
+    ]);
+    for (number, mode) in design.modes().iter().enumerate() {
+        let shape = mode.shape.iter().map(|amplitude| format!("{amplitude:.2}"));
+        modes.add_row([
+            right((number + 1).to_string()),
+            right(format!("{:.3}", mode.frequency_hz)),
+            right(format!("{:.2}", 100.0 * mode.damping_ratio)),
+            right(shape.collect::<Vec<_>>().join("  ")),
+        ]);
+    }
     // Writing to a string cannot fail.
-    let _ = writeln!(
-        text,
-        "modes (damping ratio): {}",
-        modes.collect::<Vec<_>>().join(", ")
-    );
+    let _ = writeln!(text, "{modes}");
 
     let mut gains = table(&["mass", "position gain [A/m]", "velocity gain [A s/m]"]);
     for mass in 0..=design.loads() {
