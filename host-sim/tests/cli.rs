@@ -522,6 +522,42 @@ fn a_log_in_text_is_captured() {
     assert_eq!((code, text), (0, csv));
 }
 
+/// Ctrl-C ends a capture from a server that would stream for ever; nothing that came is lost.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_capture_with_its_records() {
+    use std::io::{BufRead, BufReader, Write};
+    use std::process::{Command, Stdio};
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let mut capture = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
+        .args(["capture", "--csv", "--tcp", &address])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut server = listener.accept().unwrap().0;
+    server
+        .write_all(b"x Telemetry { step: 1, state: Idle, count: 7, cycles: 9 }\nINFO seen\n")
+        .unwrap();
+    // The message shows that the record before it has been read.
+    let mut messages = BufReader::new(capture.stderr.take().unwrap());
+    let mut line = String::new();
+    messages.read_line(&mut line).unwrap();
+    assert_eq!(line, "INFO seen\n");
+    let interrupt = Command::new("kill")
+        .args(["-INT", &capture.id().to_string()])
+        .status();
+    assert!(interrupt.unwrap().success());
+    let output = capture.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let csv = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(
+        csv,
+        "time[s],step[1],state[name],count[1],cycles[1]\n0,1,Idle,7,9\n"
+    );
+}
+
 #[test]
 fn logs_that_cannot_be_read_get_a_sentence() {
     let directory = tempfile::tempdir().unwrap();

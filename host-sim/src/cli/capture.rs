@@ -6,9 +6,11 @@ use crate::error::{Error, Result};
 use crate::output::{print, write_file};
 use crate::report::log;
 use clap::Args;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// Read the drive's log: raw defmt with --elf, else text as probe-rs prints it.
 #[derive(Debug, Args)]
@@ -19,7 +21,7 @@ pub(super) struct CaptureCommand {
     /// File with the log; standard input when neither this nor --tcp is given.
     #[arg(long, value_name = "FILE")]
     rtt: Option<PathBuf>,
-    /// Server that streams the log, until it closes the connection.
+    /// Server that streams the log, until it closes the connection or Ctrl-C.
     #[arg(long, value_name = "HOST:PORT", conflicts_with = "rtt")]
     tcp: Option<String>,
     /// Description of the drive, for its control period; the paper's rig when not given.
@@ -33,6 +35,30 @@ pub(super) struct CaptureCommand {
     csv: bool,
 }
 
+/// Ctrl-C was pressed: what has come so far is the log.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// A stream that ends at Ctrl-C. A second Ctrl-C ends the program, for a stream that says nothing.
+struct UntilInterrupted<R>(R);
+
+impl<R: Read> Read for UntilInterrupted<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        loop {
+            if INTERRUPTED.load(Ordering::Relaxed) {
+                return Ok(0);
+            }
+            match self.0.read(buffer) {
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+                result => return result,
+            }
+        }
+    }
+}
+
+/// How long a server may be silent before Ctrl-C is looked at again.
+const SILENCE: Duration = Duration::from_millis(100);
+
 impl CaptureCommand {
     pub(super) fn run(self) -> Result<()> {
         let period = Drive::load(self.drive.as_deref())?.control.sample_time;
@@ -43,10 +69,22 @@ impl CaptureCommand {
         let stream: Box<dyn Read> = match (&self.rtt, &self.tcp) {
             (Some(path), _) => Box::new(std::fs::File::open(path).map_err(read_error(path))?),
             (None, Some(address)) => {
-                Box::new(TcpStream::connect(address).map_err(read_error(Path::new(address)))?)
+                let connect = || {
+                    let stream = TcpStream::connect(address)?;
+                    stream.set_read_timeout(Some(SILENCE))?;
+                    Ok(stream)
+                };
+                Box::new(connect().map_err(read_error(Path::new(address)))?)
             }
             (None, None) => Box::new(std::io::stdin().lock()),
         };
+        let stream = UntilInterrupted(stream);
+        ctrlc::set_handler(|| {
+            if INTERRUPTED.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+        })
+        .map_err(|error| Error::Simulation(format!("Ctrl-C cannot be caught: {error}")))?;
         // Messages are shown as they come, the records at the end.
         let message = |text: &str| eprintln!("{text}");
         let capture = match &self.elf {
