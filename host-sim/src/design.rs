@@ -148,16 +148,28 @@ impl Design {
                 actuator: mass_gain(0),
                 loads: std::array::from_fn(|load| mass_gain(load + 1)),
             },
-            limits: Limits {
-                current_limit: drive.actuator.current_limit as f32,
-                current_resolution: drive.actuator.current_resolution as f32,
-            },
-            motion: MotionLimits {
-                velocity: self.motion.velocity as f32,
-                acceleration: self.motion.acceleration as f32,
-                jerk: self.motion.jerk as f32,
-                total_mass: drive.total_mass() as f32,
-            },
+            limits: self.limits(),
+            motion: self.motion_limits(),
+        }
+    }
+
+    /// Limits of the command as the core takes them.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        Limits {
+            current_limit: self.drive.actuator.current_limit as f32,
+            current_resolution: self.drive.actuator.current_resolution as f32,
+        }
+    }
+
+    /// Limits of the moves as the core takes them.
+    #[must_use]
+    pub fn motion_limits(&self) -> MotionLimits {
+        MotionLimits {
+            velocity: self.motion.velocity as f32,
+            acceleration: self.motion.acceleration as f32,
+            jerk: self.motion.jerk as f32,
+            total_mass: self.drive.total_mass() as f32,
         }
     }
 

@@ -96,6 +96,17 @@ pub struct Cost {
     pub velocity: Vec<f64>,
 }
 
+impl Cost {
+    /// Diagonal of `Q` in the order of the states, `x_a v_a x_1 v_1 …`.
+    #[must_use]
+    pub fn state_weights(&self) -> Vec<f64> {
+        let masses = self.position.iter().zip(&self.velocity);
+        masses
+            .flat_map(|(position, velocity)| [*position, *velocity])
+            .collect()
+    }
+}
+
 /// Limits of a planned move.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {

@@ -15,28 +15,15 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
         _ => Path::new("."),
     };
     std::fs::create_dir_all(directory).map_err(&error)?;
-    let mut file = tempfile::Builder::new()
-        .permissions(permissions())
-        .tempfile_in(directory)
-        .map_err(&error)?;
+    let mut builder = tempfile::Builder::new();
+    // What a plainly created file would get before the umask, not a temporary file's owner-only.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(directory).map_err(&error)?;
     file.write_all(content).map_err(&error)?;
     file.as_file().sync_all().map_err(&error)?;
     file.persist(path).map_err(|e| error(e.error))?;
     Ok(())
-}
-
-/// What a plainly created file would get before the umask, not a temporary file's owner-only.
-#[cfg(unix)]
-fn permissions() -> std::fs::Permissions {
-    std::os::unix::fs::PermissionsExt::from_mode(0o666)
-}
-
-#[cfg(not(unix))]
-fn permissions() -> std::fs::Permissions {
-    std::fs::metadata(".").map_or_else(
-        |_| unreachable!("the current directory exists"),
-        |m| m.permissions(),
-    )
 }
 
 /// Prints text; a reader that has gone away (`| head`) is no error.

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::plant::Plant;
 use crate::scenario::{Kind, Scenario};
 use arso_core::limits::Limits;
-use arso_core::reference::{Generator, MotionLimits};
+use arso_core::reference::Generator;
 use arso_core::{Counts, Current, Fault, Measurement, Position, Request, State, reference};
 use nalgebra::DVector;
 
@@ -211,16 +211,9 @@ struct FullState {
 
 impl FullState {
     fn new(design: &Design, scenario: &Scenario) -> Self {
-        let actuator = &design.drive.actuator;
-        let limits = MotionLimits {
-            velocity: design.motion.velocity as f32,
-            acceleration: design.motion.acceleration as f32,
-            jerk: design.motion.jerk as f32,
-            total_mass: design.drive.total_mass() as f32,
-        };
         let generator = Generator::new(
-            limits,
-            actuator.actual_force_constant() as f32,
+            design.motion_limits(),
+            design.chain.force_constant as f32,
             design.drive.control.sample_time as f32,
         );
         let mut state = reference::State::default();
@@ -233,10 +226,7 @@ impl FullState {
         }
         Self {
             gain: design.regulator.clone(),
-            limits: Limits {
-                current_limit: actuator.current_limit as f32,
-                current_resolution: actuator.current_resolution as f32,
-            },
+            limits: design.limits(),
             generator,
             reference: state,
         }

@@ -88,7 +88,7 @@ impl Simulate {
             };
             let run = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
             print(&String::from_utf8_lossy(&csv(&run)?))?;
-            return require_no_fault(&[(Metrics::new(&run), &run)]);
+            return require_no_fault([&run]);
         }
 
         let mut runs: Vec<(Run, Metrics)> = Vec::new();
@@ -142,17 +142,13 @@ impl Simulate {
             text += &format!("Plots and CSV of every step: {}\n", self.out.display());
             print(&text)?;
         }
-        let judged: Vec<_> = runs
-            .iter()
-            .map(|(run, metrics)| (metrics.clone(), run))
-            .collect();
-        require_no_fault(&judged)
+        require_no_fault(runs.iter().map(|(run, _)| run))
     }
 }
 
 /// A run in which the drive stopped itself is a failed run, after its figures have been shown.
-fn require_no_fault(runs: &[(Metrics, &Run)]) -> Result<()> {
-    for (_, run) in runs {
+fn require_no_fault<'a>(runs: impl IntoIterator<Item = &'a Run>) -> Result<()> {
+    for run in runs {
         if let Some((time, fault)) = run.fault {
             return Err(Error::Simulation(format!(
                 "in {} the drive stopped after {time:.3} s with fault {} ({fault:?})",

@@ -33,22 +33,16 @@ pub fn gains(
 ) -> Result<Vec<RowDVector<f64>>> {
     let n = chain.states();
     let (a, b) = (chain.a(), chain.b());
-    let mut weights = DVector::zeros(n);
-    for (mass, (position, velocity)) in cost.position.iter().zip(&cost.velocity).enumerate() {
-        weights[2 * mass] = *position;
-        weights[2 * mass + 1] = *velocity;
-    }
+    let weights = DMatrix::from_diagonal(&DVector::from_vec(cost.state_weights()));
     let mut flow = DMatrix::zeros(2 * n, 2 * n);
     flow.view_mut((0, 0), (n, n)).copy_from(&a);
     flow.view_mut((0, n), (n, n))
         .copy_from(&(&b * b.transpose() / -cost.current));
-    flow.view_mut((n, 0), (n, n))
-        .copy_from(&-DMatrix::from_diagonal(&weights));
+    flow.view_mut((n, 0), (n, n)).copy_from(&-weights);
     flow.view_mut((n, n), (n, n)).copy_from(&-a.transpose());
 
     // Pieces in which nothing grows by more than e.
-    let fastest = a.symmetric_eigen_bound();
-    let longest = 1.0 / fastest.max(1e-9);
+    let longest = 1.0 / fastest(&a).max(1e-9);
     let mut riccati = terminal.clone();
     let mut reached = 0.0;
     let mut result = Vec::with_capacity(times.len());
@@ -76,21 +70,14 @@ pub fn gains(
     Ok(result)
 }
 
-/// A bound on how fast anything in a system grows.
-trait Bound {
-    fn symmetric_eigen_bound(&self) -> f64;
-}
-
-impl Bound for DMatrix<f64> {
-    /// Root of the largest row sum of `|A²|`: for a chain the frequency of its fastest mode, within
-    /// a factor of two, though stiffness and unity stand in the same matrix.
-    fn symmetric_eigen_bound(&self) -> f64 {
-        let square = self * self;
-        let sums = square
-            .row_iter()
-            .map(|row| row.iter().map(|x| x.abs()).sum::<f64>());
-        sums.fold(0.0, f64::max).sqrt()
-    }
+/// How fast anything in a chain moves, 1/s: the root of the largest row sum of `|A²|`, within a
+/// factor of two the frequency of its fastest mode, though stiffness and unity stand in one matrix.
+fn fastest(a: &DMatrix<f64>) -> f64 {
+    let square = a * a;
+    let sums = square
+        .row_iter()
+        .map(|row| row.iter().map(|x| x.abs()).sum::<f64>());
+    sums.fold(0.0, f64::max).sqrt()
 }
 
 #[cfg(test)]

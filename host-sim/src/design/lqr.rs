@@ -22,13 +22,10 @@ pub fn regulator(chain: &Chain, cost: &Cost, sample_time: f64) -> Result<RowDVec
     let mut a = DMatrix::zeros(states + 1, states + 1);
     a.view_mut((0, 0), (states, states)).copy_from(&chain.a());
     a.view_mut((0, states), (states, 1)).copy_from(&chain.b());
-    let mut weights = DVector::zeros(states + 1);
-    for (mass, (position, velocity)) in cost.position.iter().zip(&cost.velocity).enumerate() {
-        weights[2 * mass] = *position;
-        weights[2 * mass + 1] = *velocity;
-    }
-    weights[states] = cost.current;
-    let integral = discretise::cost_integral(&a, &DMatrix::from_diagonal(&weights), sample_time);
+    let mut weights = cost.state_weights();
+    weights.push(cost.current);
+    let weights = DMatrix::from_diagonal(&DVector::from_vec(weights));
+    let integral = discretise::cost_integral(&a, &weights, sample_time);
 
     let (f, g) = discretise::zero_order_hold(&chain.a(), &chain.b(), sample_time);
     let q = integral.view((0, 0), (states, states)).into_owned();

@@ -8,7 +8,7 @@
 use super::Design;
 use crate::error::{Error, Result};
 use arso_core::observer::Form;
-use nalgebra::{Complex, DMatrix, DVector, RowDVector};
+use nalgebra::{Complex, DMatrix, DVector};
 use serde::Serialize;
 
 /// How far the loop is from instability.
@@ -62,11 +62,11 @@ impl Margins {
         let period = design.drive.control.sample_time;
         let nyquist = std::f64::consts::PI / period;
         let failed = || Error::Design("the loop's frequency response cannot be computed".into());
+        let (ad, bd) = (design.ad.map(C::from), design.bd.map(C::from));
         let response = |omega: f64| -> Option<C> {
             let z = C::from_polar(1.0, omega * period);
-            let n = design.bd.len();
-            let matrix = DMatrix::identity(n, n) * z - design.ad.map(C::from);
-            let state = matrix.lu().solve(&design.bd.map(C::from))?;
+            let matrix = DMatrix::identity(bd.len(), bd.len()) * z - &ad;
+            let state = matrix.lu().solve(&bd)?;
             command(z, &state).map(|command| -command)
         };
         let mut margins = Self {
@@ -141,20 +141,21 @@ impl Margins {
 /// The drive from measured position to command, as a transfer function.
 struct Controller<'a> {
     design: &'a Design,
+    /// `(1 − L c) F`, `(1 − L c) g`, `L`.
     transition: DMatrix<C>,
     input: DVector<C>,
-    output: RowDVector<C>,
     correction: DVector<C>,
 }
 
 impl<'a> Controller<'a> {
     fn new(design: &'a Design) -> Self {
         let observer = &design.observer;
+        let n = observer.input.len();
+        let blind = DMatrix::identity(n, n) - &observer.correction * &observer.output;
         Self {
             design,
-            transition: observer.transition.map(C::from),
-            input: observer.input.map(C::from),
-            output: observer.output.map(C::from),
+            transition: observer.error_transition().map(C::from),
+            input: (blind * &observer.input).map(C::from),
             correction: observer.correction.map(C::from),
         }
     }
@@ -185,7 +186,7 @@ impl<'a> Controller<'a> {
         // (19) and (18) as the core has them: two exact lags on the current, two filtered
         // differences on the position, the deviations filtered once.
         let (g_dist, g_reac) = (control.disturbance_cutoff, control.reaction_force_cutoff);
-        let (a_dist, a_reac) = ((-g_dist * period).exp(), (-g_reac * period).exp());
+        let a_reac = (-g_reac * period).exp();
         let difference = (g_reac - g_dist) * period;
         let ratio = if difference == 0.0 {
             1.0
@@ -195,7 +196,6 @@ impl<'a> Controller<'a> {
         let cascade_state = g_reac * period * a_reac * ratio;
         let cascade_input = 1.0 - a_reac - cascade_state;
         let twice = (delay * cascade_state * lag_dist + cascade_input) / (1.0 - delay * a_reac);
-        debug_assert!(a_dist < 1.0);
         let raw_velocity = (1.0 - delay) / period * position;
         let velocity = lag_dist * raw_velocity;
         let acceleration = lag_reac * (1.0 - delay) / period * velocity;
@@ -206,13 +206,12 @@ impl<'a> Controller<'a> {
 
         // z_k = (1 − L c)(F z_{k−1} + g u) + L f
         let n = self.input.len();
-        let blind = DMatrix::identity(n, n) - &self.correction * &self.output;
         let held = match self.design.form() {
             Form::Anchored => raw_velocity,
             Form::Reaction => current,
         };
-        let matrix = DMatrix::identity(n, n) - &blind * &self.transition * delay;
-        let right = &blind * &self.input * held + &self.correction * force;
+        let matrix = DMatrix::identity(n, n) - &self.transition * delay;
+        let right = &self.input * held + &self.correction * force;
         let state = matrix.lu().solve(&right)?;
 
         let gain = &self.design.regulator;

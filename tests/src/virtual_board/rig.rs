@@ -175,7 +175,7 @@ impl Rig {
     /// it again.
     ///
     /// # Errors
-    /// Whatever stops the firmware; [`Stop::NoTick`] when the drive does not come to hold.
+    /// Whatever stops the firmware; [`Stop::NotCommissioned`] when the drive does not come to hold.
     pub fn commission(&mut self) -> Result<(), Stop> {
         self.switches(true, 0);
         let last = self.periods(COMMISSIONING)?.pop();

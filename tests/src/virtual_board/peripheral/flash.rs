@@ -8,14 +8,6 @@ pub struct FlashInterface {
     acr: u32,
 }
 
-impl FlashInterface {
-    /// Wait states that are set.
-    #[must_use]
-    pub fn wait_states(&self) -> u32 {
-        self.acr & 0b111
-    }
-}
-
 impl Peripheral for FlashInterface {
     fn read(&mut self, offset: u32, _: u64) -> Result<u32, Unknown> {
         if offset == 0 {
