@@ -15,7 +15,9 @@ pub mod lqr;
 pub mod margins;
 pub mod observer;
 pub mod paper;
+pub mod placement;
 pub mod riccati;
+pub mod settling;
 pub mod source;
 
 use crate::drive::{Drive, Motion};
@@ -43,6 +45,8 @@ pub struct Design {
     pub bd: DVector<f64>,
     /// Feedback gain `K`, order `x_a v_a x_1 v_1 …`, A/m and A s/m.
     pub regulator: RowDVector<f64>,
+    /// Residual of the regulator's Riccati equation, relative to its solution.
+    pub riccati_residual: f64,
     /// The state observer.
     pub observer: observer::ObserverDesign,
     /// Limits of planned moves.
@@ -56,7 +60,7 @@ impl Design {
     /// [`Error::Design`] when the chain is too fast for the sample time, a Riccati equation has
     /// no stabilising solution, or the result does not fit `f32`.
     pub fn new(drive: &Drive) -> Result<Self> {
-        let chain = Chain::new(&drive.actuator, &drive.loads, 0.0);
+        let chain = Chain::new(&drive.actuator, &drive.loads, drive.friction.viscous);
         let sample_time = drive.control.sample_time;
         let modes = chain.modes();
         let fastest = modes.last().map_or(0.0, |mode| mode.frequency_hz);
@@ -67,12 +71,14 @@ impl Design {
             )));
         }
         let (ad, bd) = discretise::zero_order_hold(&chain.a(), &chain.b(), sample_time);
-        let regulator = lqr::regulator(&chain, &drive.cost, sample_time)?;
-        require_stable("the regulator", &(&ad - &bd * &regulator))?;
-        let observer = observer::design(drive, &chain)?;
+        let (regulator, riccati_residual) = lqr::regulator(&chain, &drive.cost, sample_time)?;
+        let closed = &ad - &bd * &regulator;
+        require_stable("the regulator", &closed)?;
+        let observer = observer::design(drive, &chain, decay(&eigenvalues(&closed)?, sample_time))?;
         let design = Self {
             drive: drive.clone(),
             regulator,
+            riccati_residual,
             observer,
             motion: motion(drive, &chain, &modes),
             chain,
@@ -216,6 +222,12 @@ fn motion(drive: &Drive, chain: &Chain, modes: &[Mode]) -> Motion {
         acceleration,
         jerk: acceleration / period,
     }
+}
+
+/// Decay of the slowest of some discrete poles, 1/s.
+fn decay(poles: &[Complex<f64>], sample_time: f64) -> f64 {
+    let slowest = poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
+    -slowest.ln() / sample_time
 }
 
 fn require_stable(what: &str, matrix: &DMatrix<f64>) -> Result<()> {

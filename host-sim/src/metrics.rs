@@ -128,6 +128,7 @@ mod tests {
             }
         });
         let run = Run {
+            kind: crate::drive::Kind::Linear,
             scenario: *Scenario::named("fig3").unwrap(),
             law: Law::FullState,
             samples: samples.collect(),

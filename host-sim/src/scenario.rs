@@ -1,5 +1,6 @@
 //! The experiments: where the drive starts and where it is sent.
 
+use crate::drive;
 use crate::model::Chain;
 use nalgebra::DVector;
 
@@ -28,8 +29,8 @@ pub enum Start {
 pub struct Scenario {
     /// Name on the command line.
     pub name: &'static str,
-    /// What it shows.
-    pub title: &'static str,
+    /// What it shows, for a linear drive.
+    pub linear_title: &'static str,
     /// How the drive is sent.
     pub kind: Kind,
     /// Where to, m.
@@ -42,35 +43,35 @@ pub struct Scenario {
 pub const SCENARIOS: [Scenario; 5] = [
     Scenario {
         name: "fig3",
-        title: "second mass to a reference, 30 mm",
+        linear_title: "second mass to a reference, 30 mm",
         kind: Kind::Step,
         target: 0.03,
         start: Start::Origin,
     },
     Scenario {
         name: "fig4",
-        title: "second mass to a reference, 15 mm",
+        linear_title: "second mass to a reference, 15 mm",
         kind: Kind::Step,
         target: 0.015,
         start: Start::Origin,
     },
     Scenario {
         name: "fig5",
-        title: "to the origin, last mass pulled by 6 mm",
+        linear_title: "to the origin, last mass pulled by 6 mm",
         kind: Kind::Step,
         target: 0.0,
         start: Start::PulledAtLast(0.006),
     },
     Scenario {
         name: "fig6",
-        title: "to the origin, first mass pulled by -4 mm",
+        linear_title: "to the origin, first mass pulled by -4 mm",
         kind: Kind::Step,
         target: 0.0,
         start: Start::PulledAtFirst(-0.004),
     },
     Scenario {
         name: "move",
-        title: "jerk-limited move of 30 mm",
+        linear_title: "jerk-limited move of 30 mm",
         kind: Kind::Move,
         target: 0.03,
         start: Start::Origin,
@@ -88,6 +89,12 @@ impl Scenario {
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Scenario> {
         SCENARIOS.iter().find(|scenario| scenario.name == name)
+    }
+
+    /// What it shows, in the units of a kind of drive.
+    #[must_use]
+    pub fn title(&self, kind: drive::Kind) -> String {
+        self.linear_title.replace("mm", kind.units().milli_position)
     }
 
     /// State `x_a v_a x_1 v_1 …` of a chain at the start.

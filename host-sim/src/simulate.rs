@@ -55,6 +55,8 @@ pub struct Sample {
 /// One simulated experiment.
 #[derive(Clone, Debug)]
 pub struct Run {
+    /// Linear or rotary.
+    pub kind: crate::drive::Kind,
     /// Which experiment.
     pub scenario: Scenario,
     /// Which control law.
@@ -114,6 +116,7 @@ pub fn simulate(
         applied_current = step.current;
     }
     Ok(Run {
+        kind: file.kind,
         scenario: *scenario,
         law,
         samples,

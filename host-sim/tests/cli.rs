@@ -296,9 +296,84 @@ fn bad_drives_get_one_sentence_that_says_where() {
         ),
         ("jerk = 200.0 ", "jerk = 0.0 ", "move.jerk = 0: must be"),
         (
+            "[actuator]",
+            "kind = \"round\"\n[actuator]",
+            ":5: kind = \"round\": must be \"linear\" or \"rotary\"",
+        ),
+        (
+            "[actuator]\nmass = 0.059 ",
+            "kind = \"rotary\"\n[actuator]\nmass = -1.0 ",
+            ":6: actuator.mass = -1: must be from 1e-9 to 1e9 kg m^2",
+        ),
+        (
             "[cost] ",
-            "[friction]\ncoulomb = 1.0\n[cost] ",
-            "[friction] belongs into a plant file",
+            "[friction]\ncoulomb = -1.0\n[cost] ",
+            "friction.coulomb = -1: must be from 0 to 1e9 N",
+        ),
+        (
+            "[cost] ",
+            "[friction]\nviscous = nan\n[cost] ",
+            "friction.viscous = NaN: must be from 0 to 1e9 N s/m",
+        ),
+        (
+            "[cost] ",
+            "[friction]\nstatic = 1.0\n[cost] ",
+            "unknown field `static`",
+        ),
+        (
+            "[cost] ",
+            "[observer]\ndesign = \"luenberger\"\n[cost] ",
+            "observer.design = \"luenberger\": must be \"kalman\" or \"poles\"",
+        ),
+        (
+            "observer = \"anchored\"           # or \"reaction\", eq. (17) as printed\n",
+            "observer = \"reaction\"\n[observer]\ndesign = \"poles\"\n",
+            "observer.design = \"poles\": must be \"kalman\" for control.observer = \"reaction\"",
+        ),
+        (
+            "[cost] ",
+            "[observer]\nspeed = 0.5\n[cost] ",
+            "observer.speed = 0.5: must be from 1 to 100",
+        ),
+        (
+            "[cost] ",
+            "[observer]\nload_force_ratio = 0\n[cost] ",
+            "observer.load_force_ratio = 0: must be from 1e-9 to 1e9",
+        ),
+        (
+            "[cost] ",
+            "[observer]\ndisturbance_rate = -3\n[cost] ",
+            "observer.disturbance_rate = -3: must be from 1e-9 to 1e9 1/s",
+        ),
+        (
+            "[cost] ",
+            "[observer]\ndisturbance = 1\n[cost] ",
+            "invalid type: integer `1`, expected a boolean",
+        ),
+        (
+            "position = [225.0, 225.0, 225.0, 225.0]  # 1/m^2, actuator first\nvelocity = [0.2, 0.2, 0.2, 0.2] ",
+            "settling_time = 0.02 ",
+            "cost.settling_time = 0.02: no weights settle this chain that fast",
+        ),
+        (
+            "position = [225.0, 225.0, 225.0, 225.0]  # 1/m^2, actuator first\nvelocity = [0.2, 0.2, 0.2, 0.2] ",
+            "settling_time = 0.0 ",
+            "cost.settling_time = 0: must be from 1e-9",
+        ),
+        (
+            "current = 1.0 ",
+            "current = 1.0\nsettling_time = 0.2 ",
+            "or energy alone, or settling_time alone",
+        ),
+        (
+            "current = 1.0 ",
+            "current = 1.0\nterminal_position = [1.0] ",
+            "cost.terminal_position has 1 entries: must have 4",
+        ),
+        (
+            "current = 1.0 ",
+            "current = 1.0\nterminal_velocity = [0.0, 0.0, 0.0, -1.0] ",
+            "cost.terminal_velocity[3] = -1: must be from 0 to 1e9 s s^2/m^2",
         ),
         (
             "[cost] ",

@@ -61,7 +61,8 @@ const SILENCE: Duration = Duration::from_millis(100);
 
 impl CaptureCommand {
     pub(super) fn run(self) -> Result<()> {
-        let period = Drive::load(self.drive.as_deref())?.control.sample_time;
+        let drive = Drive::load(self.drive.as_deref())?;
+        let (period, kind) = (drive.control.sample_time, drive.kind);
         let read_error = |path: &Path| {
             let path = path.to_owned();
             move |source| Error::Read { path, source }
@@ -105,16 +106,19 @@ impl CaptureCommand {
             )));
         }
         if self.csv {
-            print(&String::from_utf8_lossy(&log::csv(&capture, period)?))?;
+            print(&String::from_utf8_lossy(&log::csv(&capture, period, kind)?))?;
         } else {
-            write_file(&self.out.join("log.csv"), &log::csv(&capture, period)?)?;
+            write_file(
+                &self.out.join("log.csv"),
+                &log::csv(&capture, period, kind)?,
+            )?;
             write_file(
                 &self.out.join("log.svg"),
-                log::plot(&capture, period)?.as_bytes(),
+                log::plot(&capture, period, kind)?.as_bytes(),
             )?;
             print(&format!(
                 "{}Plot and CSV of every step: {}\n",
-                log::table(&capture, period),
+                log::table(&capture, period, kind),
                 self.out.display()
             ))?;
         }

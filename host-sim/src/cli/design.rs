@@ -7,7 +7,7 @@ use crate::design::judgement::Judgement;
 use crate::drive::{DEFAULT_NAME, Drive};
 use crate::error::{Error, Result};
 use crate::output::{print, write_file};
-use crate::report::table;
+use crate::report::{horizon, table};
 use clap::Args;
 use nalgebra::{Complex, DMatrix};
 use serde_json::json;
@@ -24,6 +24,9 @@ pub(super) struct DesignCommand {
     /// Write the gains as Rust source for the firmware.
     #[arg(long, value_name = "PATH")]
     rust: Option<PathBuf>,
+    /// Plot how the finite-horizon gain of eq. (14) tends to the constant one, as SVG.
+    #[arg(long, value_name = "PATH")]
+    plot: Option<PathBuf>,
 }
 
 impl DesignCommand {
@@ -39,6 +42,9 @@ impl DesignCommand {
             .find(|check| check.verdict == Verdict::Refuse);
         if let (Some(path), None) = (&self.rust, refused) {
             write_file(path, gains_source(&design, &origin).as_bytes())?;
+        }
+        if let Some(path) = &self.plot {
+            write_file(path, horizon::plot(&design)?.as_bytes())?;
         }
         if self.json {
             print(&format!("{:#}\n", as_json(&design, &judged)?))?;
@@ -72,6 +78,7 @@ fn as_json(design: &Design, judged: &Judgement) -> Result<serde_json::Value> {
     };
     let observer = &design.observer;
     Ok(json!({
+        "kind": design.drive.kind,
         "a": rows(&design.chain.a()),
         "b": design.chain.b().as_slice(),
         "ad": rows(&design.ad),

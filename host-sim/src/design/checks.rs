@@ -44,9 +44,11 @@ pub struct Check {
 /// [`Error::Design`](crate::error::Error::Design) when an eigenvalue iteration does not converge.
 pub fn checks(design: &Design) -> Result<Vec<Check>> {
     Ok(vec![
+        riccati_residual(design),
         distinct_eigenvalues(design)?,
         observability(design)?,
         samples_per_mode(design),
+        observer_samples(design)?,
         observer_speed(design)?,
         encoder_noise(design),
         commissioning_brake(design)?,
@@ -64,6 +66,21 @@ fn verdict(value: f64, warn_below: f64, refuse_below: f64) -> Verdict {
     }
 }
 
+/// Whether the gain solves its Riccati equation.
+fn riccati_residual(design: &Design) -> Check {
+    let (value, limit) = (design.riccati_residual, 1e-9);
+    Check {
+        name: "riccati_residual",
+        // The smaller the better.
+        verdict: verdict(limit / value, 1.0, 1e-3),
+        value,
+        limit,
+        advice: "residual of the regulator's Riccati equation relative to its solution; weights \
+                 that lie fewer decades apart make it smaller"
+            .into(),
+    }
+}
+
 /// The condition of section III, on the matrix that the chosen observer is built on.
 fn distinct_eigenvalues(design: &Design) -> Result<Check> {
     let chain = &design.chain;
@@ -73,15 +90,17 @@ fn distinct_eigenvalues(design: &Design) -> Result<Check> {
             let loads = 2 * chain.loads();
             let anchored = chain.a().view((2, 2), (loads, loads)).into_owned();
             let value = separation(&eigenvalues(&anchored)?);
-            let advice = "the free chain has a double zero (rigid motion); the anchored observer \
+            let advice = "the free chain has a double zero (rigid motion; a single one with viscous \
+                          friction), on which eq. (17) alone has no hold; the anchored observer \
                           does not estimate that motion but measures it, and its own eigenvalues, \
                           those of the loads on a held actuator, must be distinct";
             (value, advice)
         }
         Form::Reaction => {
-            let advice = "eq. (17) observes the free chain, whose rigid motion is a double zero and \
-                          makes no reaction force: its error is never corrected and grows under any \
-                          unmodelled force; use observer = \"anchored\"";
+            let advice = "eq. (17) observes the free chain, whose position as a whole makes no \
+                          reaction force (a double zero of A without viscous friction): its error \
+                          is never corrected and grows under any unmodelled force; use observer = \
+                          \"anchored\"";
             (0.0, advice)
         }
     };
@@ -189,8 +208,34 @@ fn samples_per_mode(design: &Design) -> Check {
     }
 }
 
-/// Samples in which the fastest part of the estimation error decays by 1/e.
+/// How many times faster than the regulator's the slowest part of the estimation error decays, on the
+/// discrete poles: "at least twice faster than the control system".
 fn observer_speed(design: &Design) -> Result<Check> {
+    let slowest = |poles: Vec<Complex<f64>>| {
+        let norms = poles.iter().map(|pole| pole.norm());
+        // What eq. (17) cannot correct stays at one; the check of eigenvalues tells that.
+        -norms
+            .filter(|norm| *norm < 1.0 - 1e-6)
+            .fold(0.0, f64::max)
+            .ln()
+    };
+    let value = slowest(design.observer_poles()?) / slowest(design.regulator_poles()?);
+    let limit = design.drive.observer.speed;
+    Ok(Check {
+        name: "observer_speed",
+        verdict: verdict(value, limit * (1.0 - 1e-6), 0.1),
+        value,
+        limit,
+        advice: "the slowest part of the estimation error decays this many times as fast as the \
+                 regulator's slowest pole; a larger observer.load_force_ratio and \
+                 observer.disturbance_rate, or observer.design = \"poles\", make it faster, and the \
+                 margins smaller"
+            .into(),
+    })
+}
+
+/// Samples in which the fastest part of the estimation error decays by 1/e.
+fn observer_samples(design: &Design) -> Result<Check> {
     let poles = design.observer_poles()?;
     // Exact zeros are lags that the correction removes in one sample.
     let fastest = poles
@@ -223,10 +268,11 @@ fn encoder_noise(design: &Design) -> Check {
         verdict: verdict(limit / noise, 1.0, 0.1),
         value: noise,
         limit,
-        advice:
-            "N rms of reaction force from encoder rounding; above 2 % of the motor's force lower \
-                 both cutoffs or use a finer encoder"
-                .into(),
+        advice: format!(
+            "{} rms of reaction force from encoder rounding; above 2 % of the motor's force \
+                 lower both cutoffs or use a finer encoder",
+            design.drive.kind.units().force
+        ),
     }
 }
 

@@ -5,14 +5,14 @@ use super::margins::Margins;
 use super::{Design, finite_horizon};
 use crate::error::Result;
 use crate::model::{eigenvalues, separation};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 /// The judgement of a design.
 #[derive(Clone, Debug, Serialize)]
 pub struct Judgement {
-    /// Whether the eigenvalues of the free chain's `A` are distinct; they never are, because its
-    /// rigid motion is a double zero. The check of the same name says what that means.
+    /// Whether the eigenvalues of the free chain's `A` are distinct. Without viscous friction they
+    /// never are: its rigid motion is a double zero. The check of the same name says what that means.
     pub distinct_eigenvalues: bool,
     /// The checks.
     pub checks: Vec<Check>,
@@ -40,32 +40,39 @@ const TIMES: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 const CONSTANT: f64 = 60.0;
 
 impl Judgement {
-    /// Judges a design; the terminal weight of the finite horizon is zero.
+    /// Judges a design.
     ///
     /// # Errors
     /// [`Error::Design`](crate::error::Error::Design) when something cannot be computed.
     pub fn new(design: &Design) -> Result<Self> {
-        let chain = &design.chain;
-        let period = design
-            .modes()
-            .first()
-            .map_or(1.0, |mode| 1.0 / mode.frequency_hz);
-        let mut times: Vec<f64> = TIMES.iter().map(|time| time * period).collect();
-        times.push(CONSTANT * period);
-        let terminal = DMatrix::zeros(chain.states(), chain.states());
-        let mut gains = finite_horizon::gains(chain, &design.drive.cost, &terminal, &times)?;
-        let constant = gains.pop().unwrap_or_else(|| design.regulator.clone());
-        let finite_horizon = times.iter().zip(gains).map(|(time, gain)| HorizonGain {
-            time_to_go: *time,
-            distance: (&gain - &constant).norm() / constant.norm(),
-            k: gain.iter().copied().collect(),
-        });
         Ok(Self {
-            distinct_eigenvalues: separation(&eigenvalues(&chain.a())?) > 1e-6,
+            distinct_eigenvalues: separation(&eigenvalues(&design.chain.a())?) > 1e-6,
             checks: checks(design)?,
             margins: Margins::of_drive(design)?,
             margins_full_state: Margins::of_full_state(design)?,
-            finite_horizon: finite_horizon.collect(),
+            finite_horizon: convergence(design, &TIMES)?,
         })
     }
+}
+
+/// Gain over the time to go with the drive file's terminal weight.
+///
+/// * `times`: times to go in periods of the slowest mode, rising
+///
+/// # Errors
+/// [`Error::Design`](crate::error::Error::Design) when a step cannot be solved.
+pub fn convergence(design: &Design, times: &[f64]) -> Result<Vec<HorizonGain>> {
+    let slowest = design.modes().first().map_or(1.0, |mode| mode.frequency_hz);
+    let with_constant = times.iter().chain([&CONSTANT]);
+    let times: Vec<f64> = with_constant.map(|time| time / slowest).collect();
+    let cost = &design.drive.cost;
+    let terminal = DMatrix::from_diagonal(&DVector::from_column_slice(&cost.terminal));
+    let mut gains = finite_horizon::gains(&design.chain, cost, &terminal, &times)?;
+    let constant = gains.pop().unwrap_or_else(|| design.regulator.clone());
+    let horizon = times.iter().zip(gains).map(|(time, gain)| HorizonGain {
+        time_to_go: *time,
+        distance: (&gain - &constant).norm() / constant.norm(),
+        k: gain.iter().copied().collect(),
+    });
+    Ok(horizon.collect())
 }

@@ -11,11 +11,11 @@ use crate::error::Result;
 use crate::model::Chain;
 use nalgebra::{DMatrix, DVector, RowDVector};
 
-/// Feedback gain `K`, order `x_a v_a x_1 v_1 …`.
+/// Feedback gain `K`, order `x_a v_a x_1 v_1 …`, and the relative residual of its Riccati equation.
 ///
 /// # Errors
 /// [`Error::Design`](crate::error::Error::Design) when the Riccati equation has no solution.
-pub fn regulator(chain: &Chain, cost: &Cost, sample_time: f64) -> Result<RowDVector<f64>> {
+pub fn regulator(chain: &Chain, cost: &Cost, sample_time: f64) -> Result<(RowDVector<f64>, f64)> {
     let states = chain.states();
     // The current as a further state that does not change: its weight and the cross term fall
     // out of one integral.
@@ -34,7 +34,8 @@ pub fn regulator(chain: &Chain, cost: &Cost, sample_time: f64) -> Result<RowDVec
         .column(0)
         .into_owned();
     let r = integral[(states, states)];
-    Ok(riccati::solve(&f, &g, &q, &n, r)?.gain)
+    let solution = riccati::solve(&f, &g, &q, &n, r)?;
+    Ok((solution.gain, solution.residual))
 }
 
 #[cfg(test)]
@@ -49,7 +50,8 @@ mod tests {
     fn gain_of_the_default_drive() {
         let drive = Drive::default_drive();
         let chain = Chain::new(&drive.actuator, &drive.loads, 0.0);
-        let gain = regulator(&chain, &drive.cost, 1e-3).unwrap();
+        let (gain, residual) = regulator(&chain, &drive.cost, 1e-3).unwrap();
+        assert!(residual < 1e-12, "{residual:e}");
         // As printed there, to half of the last figure.
         let expected = [
             (59.0, 0.5),
@@ -64,7 +66,7 @@ mod tests {
         for (value, (expected, tolerance)) in gain.iter().zip(expected) {
             assert!((value - expected).abs() <= tolerance, "{value} {expected}");
         }
-        let fine = regulator(&chain, &drive.cost, 1e-6).unwrap();
+        let (fine, _) = regulator(&chain, &drive.cost, 1e-6).unwrap();
         let sum: f64 = fine.iter().step_by(2).sum();
         assert!((sum - 30.0).abs() < 2.5e-3, "{sum}");
     }

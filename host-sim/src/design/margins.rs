@@ -77,21 +77,35 @@ impl Margins {
             peak_sensitivity: 0.0,
             peak_sensitivity_hz: 0.0,
         };
+        let mut peak = 0;
         let mut last: Option<(f64, C)> = None;
-        for k in 0..GRID {
+        let frequency = |k: usize| {
             let exponent = DECADES * (k as f64 / (GRID - 1) as f64 - 1.0);
-            let omega = nyquist * 10_f64.powf(exponent);
+            nyquist * 10_f64.powf(exponent)
+        };
+        for k in 0..GRID {
+            let omega = frequency(k);
             let l = response(omega).ok_or_else(failed)?;
             let sensitivity = 1.0 / (1.0 + l).norm();
             if sensitivity > margins.peak_sensitivity {
                 margins.peak_sensitivity = sensitivity;
-                margins.peak_sensitivity_hz = omega / std::f64::consts::TAU;
+                peak = k;
             }
-            if let Some((omega_before, before)) = last {
-                margins.cross((omega_before, before), (omega, l));
+            if let Some(before) = last {
+                margins
+                    .cross(before, (omega, l), &response)
+                    .ok_or_else(failed)?;
             }
             last = Some((omega, l));
         }
+        let around = (
+            frequency(peak.saturating_sub(1)),
+            frequency((peak + 1).min(GRID - 1)),
+        );
+        let (omega, distance) =
+            least(around, |omega| response(omega).map(|l| (1.0 + l).norm())).ok_or_else(failed)?;
+        margins.peak_sensitivity = margins.peak_sensitivity.max(1.0 / distance);
+        margins.peak_sensitivity_hz = omega / std::f64::consts::TAU;
         // At half the sample rate the response is real.
         if let Some((_, l)) = last
             && l.re < 0.0
@@ -103,17 +117,21 @@ impl Margins {
 
     /// Between two neighbouring frequencies: where the loop crosses the negative real axis, and
     /// where its magnitude crosses one.
-    fn cross(&mut self, (omega_0, a): (f64, C), (omega_1, b): (f64, C)) {
+    fn cross(
+        &mut self,
+        (omega_0, a): (f64, C),
+        (omega_1, b): (f64, C),
+        response: &impl Fn(f64) -> Option<C>,
+    ) -> Option<()> {
+        let between = (omega_0, omega_1);
         if a.re < 0.0 && b.re < 0.0 && a.im.signum() != b.im.signum() {
-            let share = a.im / (a.im - b.im);
-            self.gain_limit((a + (b - a) * share).norm());
+            let omega = root(between, |omega| response(omega).map(|l| l.im))?;
+            self.gain_limit(response(omega)?.norm());
         }
-        let (log_a, log_b) = (a.norm().ln(), b.norm().ln());
-        if log_a.signum() != log_b.signum() {
-            let share = log_a / (log_a - log_b);
-            let omega = omega_0 + (omega_1 - omega_0) * share;
+        if (a.norm() < 1.0) != (b.norm() < 1.0) {
+            let omega = root(between, |omega| response(omega).map(|l| l.norm().ln()))?;
             // Phase above −180°, in (−180°, 180°].
-            let phase = (-(a + (b - a) * share)).arg();
+            let phase = (-response(omega)?).arg();
             let margin = phase.abs().to_degrees();
             self.phase_margin_deg = Some(self.phase_margin_deg.map_or(margin, |m| m.min(margin)));
             let lag = if phase < 0.0 {
@@ -124,6 +142,7 @@ impl Margins {
             let delay = lag / omega;
             self.delay_margin = Some(self.delay_margin.map_or(delay, |d| d.min(delay)));
         }
+        Some(())
     }
 
     fn gain_limit(&mut self, magnitude: f64) {
@@ -136,6 +155,37 @@ impl Margins {
             self.gain_reduction_db = Some(least);
         }
     }
+}
+
+/// Where a function changes its sign, by bisection to the last figure.
+fn root((mut low, mut high): (f64, f64), function: impl Fn(f64) -> Option<f64>) -> Option<f64> {
+    let rising = function(high)? > function(low)?;
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if (function(middle)? > 0.0) == rising {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    Some(0.5 * (low + high))
+}
+
+/// Where a function with one valley is least, and its value there, by thirds.
+fn least(
+    (mut low, mut high): (f64, f64),
+    function: impl Fn(f64) -> Option<f64>,
+) -> Option<(f64, f64)> {
+    for _ in 0..60 {
+        let third = (high - low) / 3.0;
+        if function(low + third)? < function(high - third)? {
+            high -= third;
+        } else {
+            low += third;
+        }
+    }
+    let middle = 0.5 * (low + high);
+    Some((middle, function(middle)?))
 }
 
 /// The drive from measured position to command, as a transfer function.

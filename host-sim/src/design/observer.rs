@@ -1,4 +1,4 @@
-//! Gain of the action-reaction state observer, eq. (17), by steady-state Kalman weights.
+//! Gain of the action-reaction state observer, eq. (17): steady-state Kalman filter or placed poles.
 //!
 //! *Anchored* (default): states `r_1 v_1 … r_n v_n q_1 q_2 d` relative to the actuator; the
 //! input is the actuator's mean velocity, the lags of both force observers are part of the
@@ -6,23 +6,20 @@
 //! mass is unobservable, so the gain is designed for the motion relative to it and leaves the
 //! centre of mass alone.
 //!
-//! The weights are ratios to the density of the measurement noise of `f_reac_hat`, so they mean
-//! the same for every sample time and every size of drive.
+//! The Kalman weights are ratios to the density of the measurement noise of `f_reac_hat`, so they mean
+//! the same for every sample time and every size of drive. Placed poles keep the frequency that the
+//! load has by itself and are only damped: each decays `speed` times as fast as the slowest pole of
+//! the regulator, or as it does anyway where that is faster ("at least twice faster than the control
+//! system"). To move frequencies as well would cost gain and buy nothing.
+//!
+//! Without the disturbance state its row of the transition is zero, so that it stays zero.
 
-use super::{discretise, require_stable, riccati};
-use crate::drive::Drive;
-use crate::error::Result;
-use crate::model::Chain;
+use super::{discretise, placement, require_stable, riccati};
+use crate::drive::{Drive, ObserverDesign as Method};
+use crate::error::{Error, Result};
+use crate::model::{Chain, eigenvalues, spectral_radius};
 use arso_core::observer::Form;
-use nalgebra::{DMatrix, DVector, RowDVector};
-
-/// Density of a random force on each load over that of the measurement noise: 0.3 N/√Hz to 1 N
-/// at a sample time of 1 ms, which is 1 N · √(1 ms) as a density.
-const FORCE_RATIO: f64 = 9.486_832_980_505_138;
-
-/// Random walk of the disturbance state over the measurement noise, 1/s: how fast friction is
-/// found. 0.3 N per sample to 1 N at 1 ms.
-const DISTURBANCE_RATIO: f64 = 300.0;
+use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 
 /// A discrete observer `z⁺ = F z + g u`, then `z += L (f − c z)`.
 #[derive(Clone, Debug)]
@@ -48,12 +45,14 @@ impl ObserverDesign {
 
 /// Designs the observer that the drive asks for.
 ///
+/// * `regulator_decay`: of the regulator's slowest pole, 1/s
+///
 /// # Errors
 /// [`Error::Design`](crate::error::Error::Design) when the Riccati equation has no solution or
 /// the observer is not stable.
-pub fn design(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
+pub fn design(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<ObserverDesign> {
     match drive.control.observer {
-        Form::Anchored => anchored(drive, chain),
+        Form::Anchored => anchored(drive, chain, regulator_decay),
         Form::Reaction => reaction(drive, chain),
     }
 }
@@ -85,20 +84,49 @@ fn kalman(
     Ok(covariance / innovation)
 }
 
-fn anchored(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
+fn anchored(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<ObserverDesign> {
     let sample_time = drive.control.sample_time;
+    let settings = &drive.observer;
     let (a, b) = anchored_model(drive, chain);
     let n = b.len();
-    let (transition, input) = discretise::zero_order_hold(&a, &b, sample_time);
+    let (mut transition, input) = discretise::zero_order_hold(&a, &b, sample_time);
     let mut output = RowDVector::zeros(n);
     output[n - 2] = 1.0;
-    let mut noise = DMatrix::zeros(n, n);
-    for load in 0..chain.loads() {
-        let velocity = 2 * load + 1;
-        noise[(velocity, velocity)] = (FORCE_RATIO / chain.mass[load + 1]).powi(2);
+    // The states that are estimated: the disturbance is the last.
+    let states = if settings.disturbance { n } else { n - 1 };
+    let part = |matrix: &DMatrix<f64>| matrix.view((0, 0), (states, states)).into_owned();
+    let (a_part, transition_part) = (part(&a), part(&transition));
+    let output_part = output.columns(0, states).into_owned();
+    let gain = match settings.design {
+        Method::Kalman => {
+            let mut noise = DMatrix::zeros(states, states);
+            for load in 0..chain.loads() {
+                let velocity = 2 * load + 1;
+                let density = settings.load_force_ratio / chain.mass[load + 1];
+                noise[(velocity, velocity)] = density.powi(2);
+            }
+            if settings.disturbance {
+                noise[(n - 1, n - 1)] = settings.disturbance_rate.powi(2);
+            }
+            kalman(&a_part, &transition_part, &output_part, &noise, sample_time)?
+        }
+        Method::Poles => {
+            let decay = settings.speed * regulator_decay;
+            let poles = damped(&eigenvalues(&a_part)?, decay);
+            let discrete: Vec<_> = poles
+                .iter()
+                .map(|pole| (pole * sample_time).exp())
+                .collect();
+            // The error goes by (1 − L c) F = F − L (c F).
+            let seen = &output_part * &transition_part;
+            placement::place(&transition_part.transpose(), &seen.transpose(), &discrete)?
+        }
+    };
+    let mut correction = DVector::zeros(n);
+    correction.rows_mut(0, states).copy_from(&gain);
+    if !settings.disturbance {
+        transition.row_mut(n - 1).fill(0.0);
     }
-    noise[(n - 1, n - 1)] = DISTURBANCE_RATIO.powi(2);
-    let correction = kalman(&a, &transition, &output, &noise, sample_time)?;
     let observer = ObserverDesign {
         transition,
         input,
@@ -107,6 +135,29 @@ fn anchored(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
     };
     require_stable("the observer", &observer.error_transition())?;
     Ok(observer)
+}
+
+/// Share by which poles that would stay where they are, or on one another, are moved on: a pole can
+/// be placed neither where the model has one nor twice.
+const APART: f64 = 0.05;
+
+/// The poles with a decay of at least `decay`, 1/s, at their own frequencies, all distinct.
+fn damped(poles: &[Complex<f64>], decay: f64) -> Vec<Complex<f64>> {
+    let mut placed: Vec<Complex<f64>> = Vec::with_capacity(poles.len());
+    // One of each conjugate pair; the other follows.
+    for pole in poles.iter().filter(|pole| pole.im >= 0.0) {
+        let own = -pole.re;
+        let mut moved = Complex::new(-(own * (1.0 + APART)).max(decay), pole.im);
+        let close = |a: &Complex<f64>, b: &Complex<f64>| (a - b).norm() < 0.5 * APART * decay;
+        while placed.iter().chain(poles).any(|other| close(other, &moved)) {
+            moved.re *= 1.0 + APART;
+        }
+        placed.push(moved);
+        if moved.im > 0.0 {
+            placed.push(moved.conj());
+        }
+    }
+    placed
 }
 
 /// Continuous model of the anchored load: states `r_1 v_1 … q_1 q_2 d`, input `v_a`.
@@ -185,7 +236,7 @@ fn reaction(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
     // Random forces on every mass, seen in the relative velocities.
     let mut noise = DMatrix::zeros(n, n);
     for mass in 0..=loads {
-        let force = &relative * chain.force_input(mass) * FORCE_RATIO;
+        let force = &relative * chain.force_input(mass) * drive.observer.load_force_ratio;
         noise += &force * force.transpose();
     }
     let gain = kalman(
@@ -197,10 +248,19 @@ fn reaction(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
     )?;
     let error = (DMatrix::identity(n, n) - &gain * &output_relative) * &transition_relative;
     require_stable("the observer", &error)?;
-    Ok(ObserverDesign {
+    let observer = ObserverDesign {
         transition,
         input,
         output: chain.reaction_force(),
         correction: lift * gain,
-    })
+    };
+    // With friction in the model the relative motion is not all; nothing may grow but what rounding
+    // makes of the rigid motion's double one.
+    let radius = spectral_radius(&observer.error_transition())?;
+    if radius > 1.0 + 1e-5 {
+        return Err(Error::Design(format!(
+            "the observer is not stable (largest pole {radius:.6})"
+        )));
+    }
+    Ok(observer)
 }

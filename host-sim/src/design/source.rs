@@ -1,6 +1,7 @@
 //! The gains as Rust source: `firmware/src/gains.rs`.
 
 use super::Design;
+use crate::drive::Units;
 use arso_core::Gains;
 use arso_core::observer::Form;
 use std::fmt::Write;
@@ -26,6 +27,17 @@ pub fn source<const N: usize, const S: usize>(design: &Design, origin: &str) -> 
         observer,
         ..
     } = &gains;
+    let Units {
+        mass,
+        position,
+        velocity,
+        acceleration,
+        jerk,
+        force_constant,
+        position_gain,
+        velocity_gain,
+        ..
+    } = design.drive.kind.units();
     let mut text = String::new();
     // Writing to a string cannot fail.
     let _ = write!(
@@ -52,12 +64,12 @@ pub fn source<const N: usize, const S: usize>(design: &Design, origin: &str) -> 
          #[rustfmt::skip]\n\
          pub const GAINS: Gains<LOADS, STATES> = Gains {{\n\
          {I}sample_time: {:?}, // s\n\
-         {I}encoder: EncoderGains {{ resolution: {:?}, counter_bits: {} }}, // m\n\
+         {I}encoder: EncoderGains {{ resolution: {:?}, counter_bits: {} }}, // {position}\n\
          {I}actuator: Actuator {{\n\
-         {I}{I}mass: {:?}, // kg\n\
-         {I}{I}force_constant: {:?}, // N/A\n\
-         {I}{I}mass_deviation: {:?}, // kg\n\
-         {I}{I}force_constant_deviation: {:?}, // N/A\n\
+         {I}{I}mass: {:?}, // {mass}\n\
+         {I}{I}force_constant: {:?}, // {force_constant}\n\
+         {I}{I}mass_deviation: {:?}, // {mass}\n\
+         {I}{I}force_constant_deviation: {:?}, // {force_constant}\n\
          {I}}},\n\
          {I}disturbance_cutoff: {:?}, // rad/s\n\
          {I}reaction_force_cutoff: {:?}, // rad/s\n\
@@ -84,7 +96,7 @@ pub fn source<const N: usize, const S: usize>(design: &Design, origin: &str) -> 
          {I}{I}output: {:?},\n\
          {I}{I}correction: {:?},\n\
          {I}}},\n\
-         {I}regulator: Regulator {{ // A/m, A s/m\n\
+         {I}regulator: Regulator {{ // {position_gain}, {velocity_gain}\n\
          {I}{I}actuator: MassGain {{ position: {:?}, velocity: {:?} }},\n\
          {I}{I}loads: [\n",
         observer.input,
@@ -106,10 +118,10 @@ pub fn source<const N: usize, const S: usize>(design: &Design, origin: &str) -> 
          {I}}},\n\
          {I}limits: Limits {{ current_limit: {:?}, current_resolution: {:?} }}, // A\n\
          {I}motion: MotionLimits {{\n\
-         {I}{I}velocity: {:?}, // m/s\n\
-         {I}{I}acceleration: {:?}, // m/s^2\n\
-         {I}{I}jerk: {:?}, // m/s^3\n\
-         {I}{I}total_mass: {:?}, // kg\n\
+         {I}{I}velocity: {:?}, // {velocity}\n\
+         {I}{I}acceleration: {:?}, // {acceleration}\n\
+         {I}{I}jerk: {:?}, // {jerk}\n\
+         {I}{I}total_mass: {:?}, // {mass}\n\
          {I}}},\n\
          }};\n",
         limits.current_limit,

@@ -3,6 +3,7 @@
 //! The columns are the same for simulation and drive log as far as both know them; the true
 //! motion stands in the `…_true` columns.
 
+use crate::drive::Units;
 use crate::error::{Error, Result};
 use crate::simulate::Run;
 
@@ -19,7 +20,7 @@ pub fn csv(run: &Run) -> Result<Vec<u8>> {
         .map_or(0, |sample| sample.truth.len() / 2);
     let observed = run.samples.iter().any(|sample| sample.record.is_some());
     writer
-        .write_record(header(masses, observed))
+        .write_record(header(run.kind.units(), masses, observed))
         .map_err(|e| failed(e.to_string()))?;
     for sample in &run.samples {
         let mut row = vec![
@@ -46,17 +47,18 @@ pub fn csv(run: &Run) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|e| failed(e.to_string()))
 }
 
-fn header(masses: usize, observed: bool) -> Vec<String> {
+fn header(units: &Units, masses: usize, observed: bool) -> Vec<String> {
+    let (position, velocity, force) = (units.position, units.velocity, units.force);
     let mut names: Vec<String> = [
         "time[s]",
         "count[1]",
         "applied_current[A]",
         "command[A]",
         "limited[1]",
-        "reference[m]",
     ]
     .map(String::from)
     .to_vec();
+    names.push(format!("reference[{position}]"));
     let mut motion = |suffix: &str| {
         for mass in 0..masses {
             let name = if mass == 0 {
@@ -64,16 +66,16 @@ fn header(masses: usize, observed: bool) -> Vec<String> {
             } else {
                 format!("load{mass}")
             };
-            names.push(format!("{name}_position{suffix}[m]"));
-            names.push(format!("{name}_velocity{suffix}[m/s]"));
+            names.push(format!("{name}_position{suffix}[{position}]"));
+            names.push(format!("{name}_velocity{suffix}[{velocity}]"));
         }
-        names.push(format!("reaction_force{suffix}[N]"));
+        names.push(format!("reaction_force{suffix}[{force}]"));
     };
     motion("_true");
     if observed {
         motion("");
-        names.push("disturbance[N]".into());
-        names.push("disturbance_state[N]".into());
+        names.push(format!("disturbance[{force}]"));
+        names.push(format!("disturbance_state[{force}]"));
     }
     names
 }

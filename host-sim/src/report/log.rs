@@ -3,18 +3,19 @@
 //! The CSV has the column names of the simulation wherever both know the quantity.
 
 use crate::capture::{Capture, LogRecord};
+use crate::drive::{Kind, Units};
 use crate::error::{Error, Result};
 use crate::report::plot::{Series, panels};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use std::collections::BTreeMap;
 
 /// Unit and name in a CSV header of a quantity of the telemetry.
-fn column(name: &str) -> String {
+fn column(units: &Units, name: &str) -> String {
     let unit = match name {
-        _ if name.ends_with("velocity") => "m/s",
-        _ if name.ends_with("position") || name == "reference" => "m",
+        _ if name.ends_with("velocity") => units.velocity,
+        _ if name.ends_with("position") || name == "reference" => units.position,
         "applied_current" | "command" => "A",
-        "disturbance" | "reaction_force" | "disturbance_state" => "N",
+        "disturbance" | "reaction_force" | "disturbance_state" => units.force,
         _ => "1",
     };
     match name {
@@ -34,7 +35,7 @@ fn time(capture: &Capture, record: &LogRecord, period: f64) -> f64 {
 ///
 /// # Errors
 /// [`Error::Simulation`] when the rows cannot be formed.
-pub fn csv(capture: &Capture, period: f64) -> Result<Vec<u8>> {
+pub fn csv(capture: &Capture, period: f64, kind: Kind) -> Result<Vec<u8>> {
     let failed =
         |error: String| Error::Simulation(format!("the log's CSV cannot be formed: {error}"));
     let names: Vec<&String> = capture
@@ -46,7 +47,7 @@ pub fn csv(capture: &Capture, period: f64) -> Result<Vec<u8>> {
     let header = ["time[s]".into(), "step[1]".into(), "state[name]".into()];
     let header = header
         .into_iter()
-        .chain(names.iter().map(|name| column(name)));
+        .chain(names.iter().map(|name| column(kind.units(), name)));
     writer
         .write_record(header)
         .map_err(|e| failed(e.to_string()))?;
@@ -67,7 +68,7 @@ pub fn csv(capture: &Capture, period: f64) -> Result<Vec<u8>> {
 
 /// How long the drive was in which state, and the range of every quantity.
 #[must_use]
-pub fn table(capture: &Capture, period: f64) -> String {
+pub fn table(capture: &Capture, period: f64, kind: Kind) -> String {
     let mut ranges: BTreeMap<&str, (f64, f64, f64)> = BTreeMap::new();
     let mut states: BTreeMap<&str, u32> = BTreeMap::new();
     for record in &capture.records {
@@ -83,7 +84,7 @@ pub fn table(capture: &Capture, period: f64) -> String {
     let right = |value: f64| Cell::new(format!("{value:.6}")).set_alignment(CellAlignment::Right);
     for (name, (least, greatest, last)) in ranges {
         table.add_row([
-            Cell::new(column(name)),
+            Cell::new(column(kind.units(), name)),
             right(least),
             right(greatest),
             right(last),
@@ -105,7 +106,7 @@ pub fn table(capture: &Capture, period: f64) -> String {
 ///
 /// # Errors
 /// [`Error::Simulation`] when the drawing cannot be made.
-pub fn plot(capture: &Capture, period: f64) -> Result<String> {
+pub fn plot(capture: &Capture, period: f64, kind: Kind) -> Result<String> {
     let series = |names: &[&str], scale: f64| -> Vec<Series> {
         let names = names.iter().filter(|name| {
             capture
@@ -131,14 +132,20 @@ pub fn plot(capture: &Capture, period: f64) -> Result<String> {
     let mut motion = vec!["position"];
     motion.extend(loads.iter().map(String::as_str));
     motion.push("reference");
+    let units = kind.units();
     panels(
         "log of the drive",
+        "time [s]",
         &[
-            ("motion as estimated", "position [mm]", series(&motion, 1e3)),
+            (
+                "motion as estimated",
+                &format!("position [{}]", units.milli_position),
+                series(&motion, 1e3),
+            ),
             ("current", "current [A]", series(&["command"], 1.0)),
             (
                 "forces",
-                "force [N]",
+                &format!("force [{}]", units.force),
                 series(&["reaction_force", "disturbance", "disturbance_state"], 1.0),
             ),
             ("control step", "processor cycles", series(&["cycles"], 1.0)),

@@ -40,7 +40,10 @@ fn draw(
 ) -> std::result::Result<(), Box<dyn std::error::Error>> {
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
-    let title = format!("{}: {}", core.scenario.name, core.scenario.title);
+    let title = format!("{}: {}", core.scenario.name, core.scenario.title(core.kind));
+    let units = core.kind.units();
+    let position = format!("position [{}]", units.milli_position);
+    let velocity = format!("velocity [{}]", units.velocity);
     let root = root.titled(&title, ("sans-serif", 22))?;
     let panels = root.split_evenly((2, 2));
     let masses = core
@@ -78,7 +81,7 @@ fn draw(
         &panels[0],
         "motion (dots: estimate)",
         "time [s]",
-        "position [mm]",
+        &position,
         &history,
         &estimates,
     )?;
@@ -113,14 +116,7 @@ fn draw(
             ("drive".into(), COLOURS[mass], portrait(core)),
         ];
         let caption = format!("phase portrait of mass {mass}");
-        lines(
-            panel,
-            &caption,
-            "position [mm]",
-            "velocity [m/s]",
-            &series,
-            &[],
-        )?;
+        lines(panel, &caption, &position, &velocity, &series, &[])?;
     }
     root.present()?;
     Ok(())
@@ -129,13 +125,16 @@ fn draw(
 /// Name and points of a line.
 pub type Series = (String, Vec<(f64, f64)>);
 
-/// Draws four panels over time; each has a caption, a title of its vertical axis, and lines.
+/// One panel: caption, title of its vertical axis, lines.
+pub type PanelContent<'a> = (&'a str, &'a str, Vec<Series>);
+
+/// Draws two or four panels over a common horizontal axis.
 ///
 /// # Errors
 /// [`Error::Simulation`] when the drawing cannot be made.
-pub fn panels(title: &str, content: &[(&str, &str, Vec<Series>); 4]) -> Result<String> {
+pub fn panels(title: &str, axis: &str, content: &[PanelContent<'_>]) -> Result<String> {
     let mut svg = String::new();
-    draw_panels(&mut svg, title, content)
+    draw_panels(&mut svg, title, axis, content)
         .map_err(|error| Error::Simulation(format!("the plot cannot be drawn: {error}")))?;
     Ok(svg)
 }
@@ -143,18 +142,23 @@ pub fn panels(title: &str, content: &[(&str, &str, Vec<Series>); 4]) -> Result<S
 fn draw_panels(
     svg: &mut String,
     title: &str,
-    content: &[(&str, &str, Vec<Series>); 4],
+    x_axis: &str,
+    content: &[PanelContent<'_>],
 ) -> std::result::Result<(), Box<dyn std::error::Error>> {
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
     let root = root.titled(title, ("sans-serif", 22))?;
-    for (panel, (caption, axis, series)) in root.split_evenly((2, 2)).iter().zip(content) {
+    for (panel, (caption, axis, series)) in root
+        .split_evenly((content.len().div_ceil(2), 2))
+        .iter()
+        .zip(content)
+    {
         let coloured: Vec<_> = series
             .iter()
             .enumerate()
             .map(|(i, (name, line))| (name.clone(), COLOURS[i % COLOURS.len()], line.clone()))
             .collect();
-        lines(panel, caption, "time [s]", axis, &coloured, &[])?;
+        lines(panel, caption, x_axis, axis, &coloured, &[])?;
     }
     root.present()?;
     Ok(())

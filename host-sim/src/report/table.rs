@@ -45,15 +45,18 @@ fn right(text: String) -> Cell {
 #[must_use]
 pub fn experiments(design: &Design, runs: &[(Run, Metrics)]) -> String {
     let mass = controlled_mass(design.loads());
+    let micro = design.drive.kind.units().micro_position;
     let settling = format!("settling mass {mass} [ms]");
+    let residual = format!("residual [{micro} p-p]");
+    let error = format!("estimate error [{micro} rms]");
     let mut table = table(&[
         "experiment",
         "control",
         &settling,
         "overshoot [%]",
-        "residual [um p-p]",
+        &residual,
         "peak [A]",
-        "estimate error [um rms]",
+        &error,
     ]);
     let micrometres = |values: &Option<Vec<f64>>| {
         let list = values
@@ -82,7 +85,7 @@ pub fn experiments(design: &Design, runs: &[(Run, Metrics)]) -> String {
     let titles = runs
         .iter()
         .filter(|(run, _)| run.law == Law::Core)
-        .map(|(run, _)| format!("{}: {}\n", run.scenario.name, run.scenario.title));
+        .map(|(run, _)| format!("{}: {}\n", run.scenario.name, run.scenario.title(run.kind)));
     format!(
         "{}\n{table}\n\
          Settling: within 2 % of the motion for good. Residual vibration: from 0.5 s on. Lists: \
@@ -115,7 +118,12 @@ pub fn design(design: &Design) -> Result<String> {
     // Writing to a string cannot fail.
     let _ = writeln!(text, "{modes}");
 
-    let mut gains = table(&["mass", "position gain [A/m]", "velocity gain [A s/m]"]);
+    let units = design.drive.kind.units();
+    let mut gains = table(&[
+        "mass",
+        &format!("position gain [{}]", units.position_gain),
+        &format!("velocity gain [{}]", units.velocity_gain),
+    ]);
     for mass in 0..=design.loads() {
         let name = if mass == 0 {
             "actuator".into()

@@ -128,7 +128,7 @@ impl Cli {
              log                      {rate:.0} bytes/s, {} records, {} lost, {} damaged frames\n\
              positions at the end     {} mm\n",
             scenario.name,
-            scenario.title,
+            scenario.title(drive.kind),
             cost.runs,
             cost.runs as f64 / elapsed,
             mean(cost.instructions),
