@@ -1,10 +1,11 @@
 //! The simulated plant: what is really there.
 //!
-//! The chain is advanced exactly in steps of a twentieth of the control period, the current held
-//! over the whole period as an amplifier does. Coulomb friction acts on the actuator and is
-//! resolved within each step: the friction force is the one that would bring the actuator to a
-//! stop in this step, as far as the Coulomb limit reaches (a time-stepping scheme after Moreau),
-//! so that sticking needs no threshold velocity. The encoder rounds to whole counts and wraps.
+//! The chain is advanced exactly, the current held over the whole control period as an amplifier does:
+//! in one step where nothing changes within the period, in twenty where an external force begins or
+//! acts or the actuator may stick. Coulomb friction acts on the actuator and is resolved within each of
+//! the twenty: the friction force is the one that would bring the actuator to a stop in this step, as
+//! far as the Coulomb limit reaches (a time-stepping scheme after Moreau), so that sticking needs no
+//! threshold velocity. The encoder rounds to whole counts and wraps.
 
 use crate::design::discretise::zero_order_hold;
 use crate::drive::{ExternalForce, PlantFile};
@@ -12,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::model::Chain;
 use nalgebra::{DMatrix, DVector};
 
-/// Steps per control period.
+/// Steps per control period in which something changes.
 pub const SUBSTEPS: u32 = 20;
 
 /// A plant in motion.
@@ -28,6 +29,9 @@ pub struct Plant {
     transition: DMatrix<f64>,
     /// Response over one substep to 1 N on each mass.
     force_response: Vec<DVector<f64>>,
+    /// The same over the whole period, the response being that of the actuator.
+    period_transition: DMatrix<f64>,
+    period_response: DVector<f64>,
     state: DVector<f64>,
     substeps: u64,
 }
@@ -43,6 +47,8 @@ impl Plant {
         let a = chain.a();
         let response = |mass| zero_order_hold(&a, &chain.force_input(mass), substep);
         let force_response = (0..chain.mass.len()).map(|mass| response(mass).1).collect();
+        let (period_transition, period_response) =
+            zero_order_hold(&a, &chain.force_input(0), period);
         Self {
             current_limit: file.actuator.current_limit,
             resolution: file.encoder.resolution,
@@ -52,6 +58,8 @@ impl Plant {
             substep,
             transition: response(0).0,
             force_response,
+            period_transition,
+            period_response,
             state: DVector::zeros(chain.states()),
             substeps: 0,
             chain,
@@ -94,9 +102,46 @@ impl Plant {
     pub fn advance(&mut self, current: f64) -> Result<()> {
         let current = current.clamp(-self.current_limit, self.current_limit);
         let motor = current * self.chain.force_constant;
+        match self.whole_period(motor) {
+            Some(next) => {
+                self.state = next;
+                self.substeps += u64::from(SUBSTEPS);
+            }
+            None => self.in_substeps(motor),
+        }
+        if self.state.iter().all(|x| x.is_finite()) {
+            Ok(())
+        } else {
+            Err(Error::Simulation(
+                "the plant's motion is no longer finite".into(),
+            ))
+        }
+    }
+
+    /// The state after a period in which nothing changes: no external force acts, and the actuator is
+    /// too fast for its direction to change, because its velocity is larger than its change.
+    fn whole_period(&self, motor: f64) -> Option<DVector<f64>> {
+        let begin = self.substeps as f64 * self.substep;
+        let end = begin + f64::from(SUBSTEPS) * self.substep;
+        let acts = |force: &ExternalForce| {
+            force.newton != 0.0 && force.start < end && begin < force.start + force.duration
+        };
+        if self.forces.iter().any(acts) {
+            return None;
+        }
+        let before = self.state[1];
+        let force = motor - self.coulomb * before.signum();
+        let mut next = &self.period_transition * &self.state;
+        next.axpy(force, &self.period_response, 1.0);
+        let change = (next[1] - before).abs();
+        (self.coulomb == 0.0 || change < before.abs().min(next[1].abs())).then_some(next)
+    }
+
+    fn in_substeps(&mut self, motor: f64) {
         for _ in 0..SUBSTEPS {
             let time = (self.substeps as f64 + 0.5) * self.substep;
-            let mut next = &self.transition * &self.state + &self.force_response[0] * motor;
+            let mut next = &self.transition * &self.state;
+            next.axpy(motor, &self.force_response[0], 1.0);
             for force in &self.forces {
                 if (force.start..force.start + force.duration).contains(&time) {
                     next.axpy(force.newton, &self.force_response[force.mass], 1.0);
@@ -109,13 +154,6 @@ impl Plant {
             }
             self.state = next;
             self.substeps += 1;
-        }
-        if self.state.iter().all(|x| x.is_finite()) {
-            Ok(())
-        } else {
-            Err(Error::Simulation(
-                "the plant's motion is no longer finite".into(),
-            ))
         }
     }
 }
@@ -200,6 +238,24 @@ mod tests {
             stopped_after += 1;
         }
         assert!((f64::from(stopped_after) * 1e-3 - velocity * total / 0.5).abs() < 3e-3);
+    }
+
+    /// One exact step over the period and twenty make the same motion, sliding under friction.
+    #[test]
+    fn a_period_at_once_is_a_period_in_steps() {
+        let mut at_once = plant(|file| {
+            file.friction = Friction {
+                coulomb: 0.2,
+                viscous: 0.3,
+            };
+        });
+        let mut in_steps = at_once.clone();
+        for _ in 0..100 {
+            at_once.advance(1.0).unwrap();
+            in_steps.in_substeps(6.43);
+        }
+        assert!((at_once.state() - in_steps.state()).amax() < 1e-12);
+        assert!(at_once.state()[1] > 0.1 && at_once.whole_period(6.43).is_some());
     }
 
     /// Energy of the free undriven chain never grows, and viscous friction takes the momentum

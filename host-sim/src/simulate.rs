@@ -18,6 +18,7 @@ use arso_core::limits::Limits;
 use arso_core::reference::Generator;
 use arso_core::{Counts, Current, Fault, Measurement, Position, Request, State, reference};
 use nalgebra::DVector;
+use std::collections::VecDeque;
 
 /// Which control law was simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -27,6 +28,8 @@ pub enum Law {
     Core,
     /// `K` on the true state.
     FullState,
+    /// One of the rivals in [`compare`](crate::compare).
+    Rival(&'static str),
 }
 
 /// One control period.
@@ -82,18 +85,35 @@ pub fn simulate(
     law: Law,
     duration: f64,
 ) -> Result<Run> {
-    let period = design.drive.control.sample_time;
-    let mut plant = Plant::new(file, period);
-    plant.set_state(scenario.initial_state(plant.chain()));
     let mut control: Box<dyn Control> = match law {
         Law::Core => Box::new(Core::new(design, file, scenario)?),
-        Law::FullState => Box::new(FullState::new(design, scenario)),
+        _ => Box::new(FullState::new(design, scenario)),
     };
+    let period = design.drive.control.sample_time;
+    close_loop(law, control.as_mut(), (file, 0), scenario, (period, duration))
+}
 
+/// Simulates one experiment under any law.
+///
+/// * `plant`: what is there, and the control periods by which the current comes late
+/// * `time`: control period and duration, s
+///
+/// # Errors
+/// [`Error::Simulation`] when the motion or a command is no longer finite.
+pub(crate) fn close_loop(
+    law: Law,
+    control: &mut dyn Control,
+    (file, late): (&PlantFile, usize),
+    scenario: &Scenario,
+    (period, duration): (f64, f64),
+) -> Result<Run> {
+    let mut plant = Plant::new(file, period);
+    plant.set_state(scenario.initial_state(plant.chain()));
     let periods = (duration / period).round() as usize;
     let mut samples = Vec::with_capacity(periods);
     let mut fault = None;
     let mut applied_current = 0.0;
+    let mut on_the_way = VecDeque::from(vec![0.0; late]);
     for k in 0..periods {
         let time = k as f64 * period;
         let count = plant.count();
@@ -112,7 +132,8 @@ pub fn simulate(
             limited: step.limited,
             record: step.record,
         });
-        plant.advance(step.current)?;
+        on_the_way.push_back(step.current);
+        plant.advance(on_the_way.pop_front().unwrap_or(step.current))?;
         applied_current = step.current;
     }
     Ok(Run {
@@ -125,22 +146,29 @@ pub fn simulate(
 }
 
 /// What a control law says for one period.
-struct Step {
-    current: f64,
-    limited: bool,
-    reference: f64,
-    record: Option<Record>,
+pub(crate) struct Step {
+    /// A.
+    pub(crate) current: f64,
+    /// Whether the current limit acted.
+    pub(crate) limited: bool,
+    /// m.
+    pub(crate) reference: f64,
+    /// What the core found.
+    pub(crate) record: Option<Record>,
 }
 
-trait Control {
+/// A control law in simulation.
+pub(crate) trait Control {
+    /// One period: encoder counter, true state, current that the law takes for applied.
     fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<Step>;
 }
 
-struct Core(Box<dyn Corridor>);
+/// The control core as a law.
+pub(crate) struct Core(Box<dyn Corridor>);
 
 impl Core {
     /// A core that has proven its signs on this plant and is asked for the experiment.
-    fn new(design: &Design, file: &PlantFile, scenario: &Scenario) -> Result<Self> {
+    pub(crate) fn new(design: &Design, file: &PlantFile, scenario: &Scenario) -> Result<Self> {
         let refused = |error: arso_core::GainsError| Error::Design(error.to_string());
         let mut core = corridor(design).map_err(refused)?;
         commission(core.as_mut(), file, design.drive.control.sample_time)?;
@@ -205,7 +233,7 @@ impl Control for Core {
 }
 
 /// `i = i_ff − K (x − x_ref)` on the true state, through the same limiter.
-struct FullState {
+pub(crate) struct FullState {
     gain: nalgebra::RowDVector<f64>,
     limits: Limits,
     generator: Generator,
@@ -213,7 +241,7 @@ struct FullState {
 }
 
 impl FullState {
-    fn new(design: &Design, scenario: &Scenario) -> Self {
+    pub(crate) fn new(design: &Design, scenario: &Scenario) -> Self {
         let generator = Generator::new(
             design.motion_limits(),
             design.chain.force_constant as f32,

@@ -298,7 +298,7 @@ fn bad_drives_get_one_sentence_that_says_where() {
         (
             "[actuator]",
             "kind = \"round\"\n[actuator]",
-            ":5: kind = \"round\": must be \"linear\" or \"rotary\"",
+            ":4: kind = \"round\": must be \"linear\" or \"rotary\"",
         ),
         (
             "[actuator]\nmass = 0.059 ",

@@ -25,6 +25,7 @@ pub fn law_name(law: Law, design: &Design) -> &'static str {
     match law {
         Law::Core => observer_name(design.form()),
         Law::FullState => "full state",
+        Law::Rival(name) => name,
     }
 }
 
