@@ -4,6 +4,7 @@
 //! same as `host-sim simulate`.
 
 mod capture;
+mod compare;
 mod design;
 mod paper;
 mod simulate;
@@ -28,6 +29,8 @@ enum Command {
     Design(design::DesignCommand),
     /// Read the drive's log into table, CSV and plot.
     Capture(capture::CaptureCommand),
+    /// Set the drive beside its rivals, on plants that differ.
+    Compare(compare::CompareCommand),
     /// Show what the gains printed in the paper do.
     Paper(paper::PaperCommand),
     /// Simulate experiments on a drive (what the program does without a command).
@@ -44,6 +47,7 @@ impl Cli {
             None => self.main.run(),
             Some(Command::Design(command)) => command.run(),
             Some(Command::Capture(command)) => command.run(),
+            Some(Command::Compare(command)) => command.run(),
             Some(Command::Paper(command)) => command.run(),
             Some(Command::Simulate(command)) => command.run(),
         }

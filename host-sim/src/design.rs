@@ -126,16 +126,8 @@ impl Design {
         };
         Gains {
             sample_time: drive.control.sample_time as f32,
-            encoder: EncoderGains {
-                resolution: drive.encoder.resolution as f32,
-                counter_bits: drive.encoder.counter_bits,
-            },
-            actuator: Actuator {
-                mass: drive.actuator.mass as f32,
-                force_constant: drive.actuator.force_constant as f32,
-                mass_deviation: drive.actuator.mass_deviation as f32,
-                force_constant_deviation: drive.actuator.force_constant_deviation as f32,
-            },
+            encoder: self.encoder(),
+            actuator: self.actuator(),
             disturbance_cutoff: drive.control.disturbance_cutoff as f32,
             reaction_force_cutoff: drive.control.reaction_force_cutoff as f32,
             observer: ObserverGains {
@@ -156,6 +148,27 @@ impl Design {
             },
             limits: self.limits(),
             motion: self.motion_limits(),
+        }
+    }
+
+    /// The encoder as the core takes it.
+    #[must_use]
+    pub fn encoder(&self) -> EncoderGains {
+        EncoderGains {
+            resolution: self.drive.encoder.resolution as f32,
+            counter_bits: self.drive.encoder.counter_bits,
+        }
+    }
+
+    /// The actuator as the core takes it.
+    #[must_use]
+    pub fn actuator(&self) -> Actuator {
+        let actuator = &self.drive.actuator;
+        Actuator {
+            mass: actuator.mass as f32,
+            force_constant: actuator.force_constant as f32,
+            mass_deviation: actuator.mass_deviation as f32,
+            force_constant_deviation: actuator.force_constant_deviation as f32,
         }
     }
 

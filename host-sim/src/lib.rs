@@ -13,6 +13,7 @@
 
 pub mod capture;
 pub mod cli;
+pub mod compare;
 pub mod corridor;
 pub mod design;
 pub mod drive;

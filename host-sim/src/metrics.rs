@@ -39,25 +39,46 @@ pub fn controlled_mass(loads: usize) -> usize {
     loads.min(2)
 }
 
+/// Column of the controlled mass's position, its target and the span of its motion, m.
+fn motion(run: &Run) -> (usize, f64, f64) {
+    let masses = run
+        .samples
+        .first()
+        .map_or(0, |sample| sample.truth.len() / 2);
+    let controlled = 2 * controlled_mass(masses.saturating_sub(1));
+    let target = run.scenario.target;
+    let start = run
+        .samples
+        .first()
+        .map_or(0.0, |sample| sample.truth[controlled]);
+    (controlled, target, target - start)
+}
+
+/// Time after which the controlled mass stays within a band around its target, s; none when it does
+/// not settle within the run.
+///
+/// * `band`: half width over the span of the motion
+#[must_use]
+pub fn settling_time(run: &Run, band: f64) -> Option<f64> {
+    let (controlled, target, span) = motion(run);
+    // Written so that what is no number is outside.
+    let inside = |x: f64| (x - target).abs() <= band * span.abs();
+    let samples = &run.samples;
+    let settled = match samples.iter().rposition(|s| !inside(s.truth[controlled])) {
+        None => samples.first(),
+        Some(last) => samples.get(last + 1),
+    };
+    settled.map(|sample| sample.time)
+}
+
 impl Metrics {
     /// Judges a run.
     #[must_use]
     pub fn new(run: &Run) -> Self {
         let samples = &run.samples;
         let masses = samples.first().map_or(0, |sample| sample.truth.len() / 2);
-        let controlled = 2 * controlled_mass(masses.saturating_sub(1));
-        let target = run.scenario.target;
-        let start = samples
-            .first()
-            .map_or(0.0, |sample| sample.truth[controlled]);
-        let span = target - start;
-
-        let outside = |x: f64| (x - target).abs() > SETTLING_BAND * span.abs();
-        let settled = match samples.iter().rposition(|s| outside(s.truth[controlled])) {
-            None => samples.first(),
-            Some(last) => samples.get(last + 1),
-        };
-        let settling_time = settled.map(|sample| sample.time);
+        let (controlled, target, span) = motion(run);
+        let settling_time = settling_time(run, SETTLING_BAND);
         let beyond = samples
             .iter()
             .map(|s| (s.truth[controlled] - target) / span);

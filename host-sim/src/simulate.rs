@@ -90,7 +90,13 @@ pub fn simulate(
         _ => Box::new(FullState::new(design, scenario)),
     };
     let period = design.drive.control.sample_time;
-    close_loop(law, control.as_mut(), (file, 0), scenario, (period, duration))
+    close_loop(
+        law,
+        control.as_mut(),
+        (file, 0),
+        scenario,
+        (period, duration),
+    )
 }
 
 /// Simulates one experiment under any law.

@@ -276,15 +276,16 @@ fn encoder_noise(design: &Design) -> Check {
     }
 }
 
-/// Largest pole of the loop that commissioning closes around actuator and encoder alone, as if the
-/// load were rigid: position and filtered velocity of the actuator times the sums of the gains.
-fn commissioning_brake(design: &Design) -> Result<Check> {
+/// Transition of the loop closed around actuator and encoder alone: position and filtered velocity of
+/// the actuator times a gain each. States: the chain, the actuator's position one sample ago, the
+/// filtered velocity then.
+///
+/// * `position`, `velocity`: gains, A/m and A s/m
+#[must_use]
+pub fn collocated_loop(design: &Design, position: f64, velocity: f64) -> DMatrix<f64> {
     let control = &design.drive.control;
     let period = control.sample_time;
     let pole = (-control.disturbance_cutoff * period).exp();
-    let position: f64 = design.regulator.iter().step_by(2).sum();
-    let velocity: f64 = design.regulator.iter().skip(1).step_by(2).sum();
-    // States: the chain, the actuator's position one sample ago, the filtered velocity then.
     let n = design.bd.len();
     let slope = (1.0 - pole) / period;
     let mut gain = RowDVector::zeros(n + 2);
@@ -300,6 +301,16 @@ fn commissioning_brake(design: &Design) -> Result<Check> {
     closed[(n + 1, 0)] = slope;
     closed[(n + 1, n)] = -slope;
     closed[(n + 1, n + 1)] = pole;
+    closed
+}
+
+/// Largest pole of the loop that commissioning closes around actuator and encoder alone, as if the
+/// load were rigid: with the sums of the gains.
+fn commissioning_brake(design: &Design) -> Result<Check> {
+    let period = design.drive.control.sample_time;
+    let position: f64 = design.regulator.iter().step_by(2).sum();
+    let velocity: f64 = design.regulator.iter().skip(1).step_by(2).sum();
+    let closed = collocated_loop(design, position, velocity);
     let value = spectral_radius(&closed)?;
     // Settled to 2 % within the two seconds that commissioning waits.
     let limit = (-4.0 * period / 2.0).exp();

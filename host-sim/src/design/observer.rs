@@ -60,7 +60,7 @@ pub fn design(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<Obse
 /// Steady-state Kalman gain, by duality with the regulator.
 ///
 /// * `noise`: continuous process noise covariance density over that of the measurement, n x n
-fn kalman(
+pub(crate) fn kalman(
     a: &DMatrix<f64>,
     transition: &DMatrix<f64>,
     output: &RowDVector<f64>,

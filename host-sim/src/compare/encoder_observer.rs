@@ -1,0 +1,103 @@
+//! Kalman filter on the encoder alone, with a disturbance on the actuator: the yardstick for the
+//! observer that is driven by the reaction force.
+//!
+//! States `x_a v_a x_1 v_1 … d` of the free chain, input the applied current, output `x_a`; the same
+//! gain `K` and the same compensation of `d` as in the drive. In `f64`, on the PC alone.
+
+use crate::design::observer::kalman;
+use crate::design::{Design, discretise};
+use crate::error::{Error, Result};
+use crate::simulate::{Control, Step};
+use arso_core::encoder::{self, Encoder};
+use arso_core::limits::Limits;
+use arso_core::{Counts, Current};
+use nalgebra::{DMatrix, DVector, RowDVector};
+
+/// Densities of the noise the filter is made for.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Settings {
+    /// Random force on each load, N/√Hz.
+    pub load_force: f64,
+    /// Random walk of the disturbance, N/√s.
+    pub disturbance: f64,
+}
+
+/// The law.
+pub(crate) struct EncoderObserver {
+    transition: DMatrix<f64>,
+    input: DVector<f64>,
+    correction: DVector<f64>,
+    state: DVector<f64>,
+    feedback: RowDVector<f64>,
+    target: f64,
+    limits: Limits,
+    encoder: (Encoder, encoder::State),
+}
+
+impl EncoderObserver {
+    /// # Errors
+    /// [`Error::Design`] when the filter's Riccati equation has no solution.
+    pub(crate) fn new(design: &Design, settings: Settings, target: f64) -> Result<Self> {
+        let (chain, drive) = (&design.chain, &design.drive);
+        let n = chain.states();
+        let period = drive.control.sample_time;
+        let mut a = DMatrix::zeros(n + 1, n + 1);
+        a.view_mut((0, 0), (n, n)).copy_from(&chain.a());
+        a.view_mut((0, n), (n, 1)).copy_from(&-chain.force_input(0));
+        let mut b = DVector::zeros(n + 1);
+        b.rows_mut(0, n).copy_from(&chain.b());
+        let (transition, input) = discretise::zero_order_hold(&a, &b, period);
+        let mut output = RowDVector::zeros(n + 1);
+        output[0] = 1.0;
+        // Rounding to counts as a density.
+        let measured = drive.encoder.resolution * (period / 12.0).sqrt();
+        let mut noise = DMatrix::zeros(n + 1, n + 1);
+        for load in 1..=chain.loads() {
+            let density = settings.load_force / chain.mass[load] / measured;
+            noise[(2 * load + 1, 2 * load + 1)] = density.powi(2);
+        }
+        noise[(n, n)] = (settings.disturbance / measured).powi(2);
+        let correction = kalman(&a, &transition, &output, &noise, period)?;
+        let mut feedback = RowDVector::zeros(n + 1);
+        feedback.columns_mut(0, n).copy_from(&-&design.regulator);
+        feedback[n] = 1.0 / chain.force_constant;
+        let encoder = design.encoder();
+        Ok(Self {
+            transition,
+            input,
+            correction,
+            state: DVector::zeros(n + 1),
+            feedback,
+            target,
+            limits: design.limits(),
+            encoder: (
+                Encoder::new(encoder.resolution, encoder.counter_bits),
+                encoder::State::default(),
+            ),
+        })
+    }
+}
+
+impl Control for EncoderObserver {
+    fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<Step> {
+        let reading = self.encoder.0.step(&mut self.encoder.1, Counts(count));
+        let predicted = &self.transition * &self.state + &self.input * applied;
+        let innovation = f64::from(reading.position.0) - predicted[0];
+        self.state = predicted + &self.correction * innovation;
+        let mut error = self.state.clone();
+        for position in error.iter_mut().step_by(2).take(self.state.len() / 2) {
+            *position -= self.target;
+        }
+        let command = (&self.feedback * error).x;
+        let limited = self
+            .limits
+            .step(Current(command as f32))
+            .ok_or_else(|| Error::Simulation("the encoder's filter is no longer finite".into()))?;
+        Ok(Step {
+            current: limited.current.0.into(),
+            limited: limited.limited,
+            reference: self.target,
+            record: None,
+        })
+    }
+}

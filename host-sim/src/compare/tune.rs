@@ -1,0 +1,88 @@
+//! Tuning of the rivals: the best of a grid, then Nelder and Mead from there.
+//!
+//! What is judged is smooth where the settling time alone jumps: the mean of the settling times to
+//! bands of 1, 1.4, 2 and 2.8 %, of the plant where that is longest.
+
+use crate::error::{Error, Result};
+use crate::metrics::settling_time;
+use crate::simulate::Run;
+use argmin::core::{CostFunction, Executor};
+use argmin::solver::neldermead::NelderMead;
+
+const BANDS: [f64; 4] = [0.01, 0.014, 0.02, 0.028];
+const ITERATIONS: u64 = 60;
+/// Size of the first simplex in each variable, a logarithm.
+const SIMPLEX: f64 = 0.15;
+
+/// Mean settling time of a run over the bands, s; what does not settle counts twice the run.
+pub(super) fn criterion(run: &Run, duration: f64) -> f64 {
+    let times = BANDS.iter().map(|band| settling_time(run, *band));
+    let sum: f64 = times.map(|time| time.unwrap_or(2.0 * duration)).sum();
+    sum / BANDS.len() as f64
+}
+
+struct Problem<F>(F);
+
+impl<F: Fn(&[f64]) -> f64> CostFunction for Problem<F> {
+    type Param = Vec<f64>;
+    type Output = f64;
+
+    fn cost(&self, point: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
+        Ok((self.0)(point))
+    }
+}
+
+/// The point with the least cost: the best of all combinations of `grid`'s values, improved.
+///
+/// # Errors
+/// [`Error::Simulation`] when the search fails.
+pub(super) fn search(grid: &[Vec<f64>], cost: impl Fn(&[f64]) -> f64) -> Result<Vec<f64>> {
+    let mut points = vec![Vec::new()];
+    for values in grid {
+        points = points
+            .iter()
+            .flat_map(|point: &Vec<f64>| {
+                values.iter().map(move |value| {
+                    let mut point = point.clone();
+                    point.push(*value);
+                    point
+                })
+            })
+            .collect();
+    }
+    let costs = points.iter().map(|point| cost(point));
+    let best = costs
+        .zip(&points)
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, point)| point.clone())
+        .unwrap_or_default();
+    let mut simplex = vec![best.clone()];
+    for i in 0..best.len() {
+        let mut corner = best.clone();
+        corner[i] += SIMPLEX;
+        simplex.push(corner);
+    }
+    let failed = |error| Error::Simulation(format!("a rival cannot be tuned: {error}"));
+    let result = Executor::new(Problem(cost), NelderMead::new(simplex))
+        .configure(|state| state.max_iters(ITERATIONS))
+        .run()
+        .map_err(failed)?;
+    Ok(result.state.best_param.unwrap_or(best))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rosenbrock's valley has its bottom at (1, 1).
+    #[test]
+    fn finds_the_bottom_of_a_valley() {
+        let valley = |p: &[f64]| (1.0 - p[0]).powi(2) + 100.0 * (p[1] - p[0] * p[0]).powi(2);
+        let grid = [vec![-1.0, 0.0, 0.5, 2.0], vec![-1.0, 0.5, 2.0]];
+        let found = search(&grid, valley).unwrap();
+        assert!(
+            (found[0] - 1.0).abs() < 1e-2 && (found[1] - 1.0).abs() < 1e-2,
+            "{found:?}"
+        );
+    }
+}
