@@ -35,6 +35,9 @@ pub enum Error {
     /// The drive is described well, but no gains exist for it.
     #[error("no gains can be designed for this drive: {0}")]
     Design(String),
+    /// The log is readable, but does not say what was asked of it.
+    #[error("nothing was identified: {0}")]
+    Identification(String),
     /// The simulation left what can be computed.
     #[error("the simulation failed: {0}")]
     Simulation(String),
@@ -46,7 +49,10 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Input { .. } | Error::Usage(_) | Error::Read { .. } => 2,
-            Error::Write { .. } | Error::Design(_) | Error::Simulation(_) => 1,
+            Error::Write { .. }
+            | Error::Design(_)
+            | Error::Identification(_)
+            | Error::Simulation(_) => 1,
         }
     }
 

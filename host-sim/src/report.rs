@@ -2,6 +2,7 @@
 
 pub mod csv;
 pub mod horizon;
+pub mod identification;
 pub mod log;
 pub mod plot;
 pub mod table;

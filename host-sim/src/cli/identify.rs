@@ -1,0 +1,99 @@
+//! `host-sim identify`: masses, springs and friction from a log.
+
+use crate::drive::{DEFAULT_DRIVE, Drive};
+use crate::error::{Error, Result};
+use crate::identify::{Kind, Log, Parameters, drive_file, identify};
+use crate::output::{print, write_file};
+use crate::report::identification;
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Identify masses, springs and friction from a log of encoder and current.
+///
+/// The log is a CSV with the columns `time[s]`, `count[1]` and `applied_current[A]`, as `capture` writes it;
+/// `host-sim excite` writes a current profile to play.
+#[derive(Debug, Args)]
+pub(super) struct IdentifyCommand {
+    /// The log.
+    log: PathBuf,
+    /// What is known of the drive: its sample time, encoder and limit, and roughly all else; the paper's
+    /// rig when not given.
+    #[arg(long, value_name = "DRIVE.toml")]
+    drive: Option<PathBuf>,
+    /// What the log is of.
+    #[arg(long, value_enum, default_value_t = RunKind::Excitation)]
+    run: RunKind,
+    /// Take this from the drive file as known, by its key, such as load[1].mass; may be given several
+    /// times. When not given: the force constant.
+    #[arg(long, value_name = "KEY")]
+    hold: Vec<String>,
+    /// Write the drive file with the identified values.
+    #[arg(long, value_name = "PATH")]
+    toml: Option<PathBuf>,
+    /// Where the plot goes.
+    #[arg(long, value_name = "DIR", default_value = "target/host-sim")]
+    out: PathBuf,
+    /// Print the figures as JSON, SI units, and draw nothing.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RunKind {
+    /// The whole chain, excited over all its modes.
+    Excitation,
+    /// The actuator alone, its load detached: its mass (or force constant) and friction.
+    Free,
+    /// The whole chain, so slowly that it moves as one mass: the same.
+    Slow,
+}
+
+impl IdentifyCommand {
+    pub(super) fn run(self) -> Result<()> {
+        let text = match &self.drive {
+            None => DEFAULT_DRIVE.to_owned(),
+            Some(path) => std::fs::read_to_string(path).map_err(|source| Error::Read {
+                path: path.clone(),
+                source,
+            })?,
+        };
+        let drive = Drive::load(self.drive.as_deref())?;
+        let kind = match self.run {
+            RunKind::Excitation => Kind::Excitation,
+            RunKind::Free => Kind::Free,
+            RunKind::Slow => Kind::Slow,
+        };
+        let hold = if self.hold.is_empty() {
+            vec!["actuator.force_constant".to_owned()]
+        } else {
+            self.hold
+        };
+        let parameters = Parameters::new(&drive, kind, &hold)?;
+        let log = Log::load(&self.log, &drive)?;
+        let result = identify(&drive, &log, &parameters)?;
+        if let Some(path) = &self.toml {
+            write_file(path, drive_file(&text, &result.quantities)?.as_bytes())?;
+        }
+        if self.json {
+            return print(&format!(
+                "{:#}\n",
+                json!({
+                    "parameters": result.entries(&drive),
+                    "fit_percent": result.fit_percent,
+                })
+            ));
+        }
+        let plot = self.out.join("identification.svg");
+        write_file(
+            &plot,
+            identification::plot(&drive, &result, kind)?.as_bytes(),
+        )?;
+        let mut text = identification::table(&drive, &result);
+        text += &format!("Residuals: {}\n", plot.display());
+        if let Some(path) = &self.toml {
+            text += &format!("Drive file: {}\n", path.display());
+        }
+        print(&text)
+    }
+}

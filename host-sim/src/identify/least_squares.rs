@@ -1,0 +1,142 @@
+//! Nonlinear least squares: Levenberg and Marquardt from a crate, derivatives by central differences.
+//!
+//! The differences are wide on purpose: Coulomb friction makes the residuals rough in the last figures,
+//! and what is minimised is their trend.
+
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::DMatrix;
+use nalgebra_034::storage::Owned;
+use nalgebra_034::{DMatrix as CrateMatrix, DVector as CrateVector, Dyn};
+
+/// Width of the differences, in coordinates that are logarithms or of the order of one.
+const WIDTH: f64 = 1e-4;
+
+/// Evaluations of the residuals, per coordinate, after which a fit is given up.
+const PATIENCE: usize = 30;
+
+/// Where a fit ended.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    /// The coordinates.
+    pub(super) coordinates: Vec<f64>,
+    /// Half the sum of squared residuals there.
+    pub(super) cost: f64,
+}
+
+struct Problem<'a, F> {
+    coordinates: CrateVector<f64>,
+    residuals: &'a F,
+}
+
+/// Derivatives of the residuals, a column for each coordinate; on two threads.
+pub(super) fn jacobian<F>(residuals: &F, at: &[f64]) -> Option<DMatrix<f64>>
+where
+    F: Fn(&[f64]) -> Option<Vec<f64>> + Sync,
+{
+    let column = |i: usize| -> Option<Vec<f64>> {
+        let moved = |by: f64| {
+            let mut point = at.to_vec();
+            point[i] += by;
+            residuals(&point)
+        };
+        let (above, below) = (moved(WIDTH)?, moved(-WIDTH)?);
+        Some(
+            above
+                .iter()
+                .zip(&below)
+                .map(|(a, b)| (a - b) / (2.0 * WIDTH))
+                .collect(),
+        )
+    };
+    let middle = at.len() / 2;
+    let columns = |range: std::ops::Range<usize>| range.map(column).collect::<Option<Vec<_>>>();
+    let (first, second) = std::thread::scope(|scope| {
+        let first = scope.spawn(|| columns(0..middle));
+        let second = columns(middle..at.len());
+        (first.join().ok().flatten(), second)
+    });
+    let mut all = first?;
+    all.extend(second?);
+    let rows = all.first()?.len();
+    Some(DMatrix::from_vec(rows, at.len(), all.concat()))
+}
+
+impl<F> LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_, F>
+where
+    F: Fn(&[f64]) -> Option<Vec<f64>> + Sync,
+{
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, coordinates: &CrateVector<f64>) {
+        self.coordinates.copy_from(coordinates);
+    }
+
+    fn params(&self) -> CrateVector<f64> {
+        self.coordinates.clone()
+    }
+
+    fn residuals(&self) -> Option<CrateVector<f64>> {
+        (self.residuals)(self.coordinates.as_slice()).map(CrateVector::from_vec)
+    }
+
+    fn jacobian(&self) -> Option<CrateMatrix<f64>> {
+        let jacobian = jacobian(self.residuals, self.coordinates.as_slice())?;
+        let (rows, columns) = jacobian.shape();
+        Some(CrateMatrix::from_vec(
+            rows,
+            columns,
+            jacobian.data.as_vec().clone(),
+        ))
+    }
+}
+
+/// The coordinates of least residuals near a start.
+///
+/// * `residuals`: none where they cannot be computed
+pub(super) fn fit<F>(residuals: &F, start: &[f64], tolerance: f64) -> Fit
+where
+    F: Fn(&[f64]) -> Option<Vec<f64>> + Sync,
+{
+    let problem = Problem {
+        coordinates: CrateVector::from_column_slice(start),
+        residuals,
+    };
+    let solver = LevenbergMarquardt::new()
+        .with_patience(PATIENCE)
+        .with_ftol(tolerance)
+        .with_xtol(tolerance)
+        .with_gtol(1e-12);
+    let (problem, report) = solver.minimize(problem);
+    Fit {
+        coordinates: problem.coordinates.as_slice().to_vec(),
+        cost: if report.objective_function.is_finite() {
+            report.objective_function
+        } else {
+            f64::INFINITY
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An exponential through noiseless points: the parameters come back.
+    #[test]
+    fn an_exponential_is_found() {
+        let residuals = |p: &[f64]| {
+            let points = (0..30).map(f64::from);
+            Some(
+                points
+                    .map(|t| p[0].exp() * (-p[1].exp() * t).exp() - 2.0 * (-0.1 * t).exp())
+                    .collect(),
+            )
+        };
+        let found = fit(&residuals, &[0.0, -1.0], 1e-12);
+        assert!((found.coordinates[0] - 2.0_f64.ln()).abs() < 1e-8);
+        assert!((found.coordinates[1] - 0.1_f64.ln()).abs() < 1e-8);
+        assert!(found.cost < 1e-15);
+    }
+}

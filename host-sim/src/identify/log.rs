@@ -1,0 +1,230 @@
+//! The log that is identified from: a CSV with `time[s]`, `count[1]` and `applied_current[A]`, one row per
+//! control period, as `simulate --csv` and `capture` write it.
+//!
+//! `count` is the encoder at `time`, `applied_current` the current over the period that ends then. Other
+//! columns are ignored but one: where a `state[name]` says what the drive was doing, the longest stretch
+//! of excitation is taken, or else of closed loop. The stretch must begin at rest.
+
+use crate::drive::Drive;
+use crate::error::{Error, Result};
+use std::io::Read;
+use std::path::Path;
+
+/// A log, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Log {
+    /// Control period, s.
+    pub period: f64,
+    /// Position of the actuator at each sample, from the first one on, m.
+    pub position: Vec<f64>,
+    /// Current over the period that follows each sample but the last, A.
+    pub current: Vec<f64>,
+}
+
+/// Fewer rows say nothing.
+const FEWEST: usize = 200;
+/// Counts that the actuator must travel, so that rounding does not hide its motion.
+const TRAVEL: f64 = 100.0;
+/// Counts by which the first period may move the actuator beyond what its current can do.
+const REST: f64 = 8.0;
+
+const COLUMNS: [&str; 3] = ["time[s]", "count[1]", "applied_current[A]"];
+
+/// One row: line in the file, time, count, current, state.
+struct Row {
+    line: usize,
+    time: f64,
+    count: i64,
+    current: f64,
+    state: String,
+}
+
+impl Log {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`Error::Read`] or [`Error::Input`].
+    pub fn load(path: &Path, drive: &Drive) -> Result<Self> {
+        let file = std::fs::File::open(path).map_err(|source| Error::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::parse(file, &path.display().to_string(), drive)
+    }
+
+    /// * `name`: of the file, for messages
+    /// * `drive`: whose log it is: its sample time and encoder
+    ///
+    /// # Errors
+    /// [`Error::Input`].
+    pub fn parse(text: impl Read, name: &str, drive: &Drive) -> Result<Self> {
+        let error = |line: Option<usize>, message: String| Error::Input {
+            place: line.map_or(name.into(), |line| format!("{name}:{line}")),
+            message,
+        };
+        let rows = rows(text, &error)?;
+        let rows = stretch(&rows);
+        if rows.len() < FEWEST {
+            let message = format!("{} control periods: must be {FEWEST} at least", rows.len());
+            return Err(error(None, message));
+        }
+        let period = drive.control.sample_time;
+        for pair in rows.windows(2) {
+            let step = (pair[1].time - pair[0].time) / period;
+            if (step - 1.0).abs() > 0.1 {
+                let message = format!(
+                    "{} is {:.6} s after the row before: must be one control period of {period} s, \
+                     none may be missing",
+                    COLUMNS[0],
+                    pair[1].time - pair[0].time
+                );
+                return Err(error(Some(pair[1].line), message));
+            }
+        }
+        let actuator = &drive.actuator;
+        let allowed = actuator.current_limit + actuator.current_resolution;
+        if let Some(row) = rows.iter().find(|row| row.current.abs() > allowed) {
+            let message = format!(
+                "{} = {}: is beyond the drive's current_limit of {} A",
+                COLUMNS[2], row.current, actuator.current_limit
+            );
+            return Err(error(Some(row.line), message));
+        }
+        if rows.iter().all(|row| row.current == rows[0].current) {
+            let message = format!(
+                "{} never changes: nothing can be identified without excitation",
+                COLUMNS[2]
+            );
+            return Err(error(None, message));
+        }
+        let position = unwrapped(rows, drive.encoder.counter_bits).map_err(|(line, jump)| {
+            let message = format!(
+                "{} jumps by {jump} counts: more than a quarter of the counter's range in one period",
+                COLUMNS[1]
+            );
+            error(Some(line), message)
+        })?;
+        let (low, high) = position
+            .iter()
+            .fold((i64::MAX, i64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+        if ((high - low) as f64) < TRAVEL {
+            let message = format!(
+                "the actuator moves by {} counts: must be {TRAVEL} at least, so that rounding does not \
+                 hide the motion; excite with more current or use a finer encoder",
+                high - low
+            );
+            return Err(error(None, message));
+        }
+        // From rest the current alone moves it; thrice that, the mass being known roughly.
+        let acceleration =
+            actuator.actual_force_constant() * rows[1].current.abs() / actuator.actual_mass();
+        let moved = position[1].abs() as f64;
+        let most = REST + 1.5 * acceleration * period * period / drive.encoder.resolution;
+        if moved > most {
+            let message = format!(
+                "the actuator moves by {moved} counts in the first period, more than its current can do \
+                 from rest: the log must begin at rest"
+            );
+            return Err(error(Some(rows[1].line), message));
+        }
+        Ok(Self {
+            period,
+            position: position
+                .iter()
+                .map(|count| *count as f64 * drive.encoder.resolution)
+                .collect(),
+            current: rows[1..].iter().map(|row| row.current).collect(),
+        })
+    }
+}
+
+fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Result<Vec<Row>> {
+    let mut reader = csv::ReaderBuilder::new()
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .from_reader(text);
+    let header = reader
+        .headers()
+        .map_err(|problem| error(None, format!("is no CSV: {problem}")))?
+        .clone();
+    let column = |name: &str| header.iter().position(|title| title == name);
+    let mut columns = [0; 3];
+    for (index, name) in columns.iter_mut().zip(COLUMNS) {
+        *index = column(name).ok_or_else(|| {
+            error(
+                Some(1),
+                format!("has no column {name}: must have {}", COLUMNS.join(", ")),
+            )
+        })?;
+    }
+    let state = column("state[name]");
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|problem| error(None, format!("is no CSV: {problem}")))?;
+        let line = record.position().map_or(0, |at| at.line() as usize);
+        let number = |index: usize| {
+            let text = record.get(columns[index]).unwrap_or("");
+            text.parse::<f64>()
+                .ok()
+                .filter(|value| value.is_finite())
+                .ok_or_else(|| {
+                    let message = format!("{} = \"{text}\": must be a number", COLUMNS[index]);
+                    error(Some(line), message)
+                })
+        };
+        let count = number(1)?;
+        if count.fract() != 0.0 || count.abs() > f64::from(u32::MAX) {
+            let message = format!(
+                "{} = {count}: must be a whole number of 32 bits",
+                COLUMNS[1]
+            );
+            return Err(error(Some(line), message));
+        }
+        rows.push(Row {
+            line,
+            time: number(0)?,
+            count: count as i64,
+            current: number(2)?,
+            state: state
+                .and_then(|state| record.get(state))
+                .unwrap_or("")
+                .to_owned(),
+        });
+    }
+    Ok(rows)
+}
+
+/// The longest run of rows in which the drive was excited, or else ran; everything where no row says.
+fn stretch(rows: &[Row]) -> &[Row] {
+    for state in ["Exciting", "Running"] {
+        let runs = rows.chunk_by(|a, b| (a.state == state) == (b.state == state));
+        let longest = runs
+            .filter(|run| run.first().is_some_and(|row| row.state == state))
+            .max_by_key(|run| run.len());
+        if let Some(run) = longest {
+            return run;
+        }
+    }
+    rows
+}
+
+/// Counts from the first row on, without the counter's wrapping; line and size of a jump.
+fn unwrapped(rows: &[Row], bits: u32) -> std::result::Result<Vec<i64>, (usize, i64)> {
+    let range = 1_i64 << bits;
+    let mut total = 0;
+    let mut positions = vec![0];
+    for pair in rows.windows(2) {
+        let difference = (pair[1].count - pair[0].count).rem_euclid(range);
+        let signed = if difference >= range / 2 {
+            difference - range
+        } else {
+            difference
+        };
+        if signed.abs() > range / 4 {
+            return Err((pair[1].line, signed));
+        }
+        total += signed;
+        positions.push(total);
+    }
+    Ok(positions)
+}

@@ -1,0 +1,131 @@
+//! What was identified: a table, and how well the model explains the log as a plot.
+
+use super::plot::{Series, panels};
+use crate::drive::Drive;
+use crate::error::Result;
+use crate::identify::{Identification, Kind, Quantity, model_response};
+use comfy_table::{Cell, CellAlignment, Table, presets};
+
+/// Points per line that a plot can show.
+const POINTS: usize = 2000;
+
+/// Every quantity with three standard deviations, and what the drive file said.
+#[must_use]
+pub fn table(drive: &Drive, identification: &Identification) -> String {
+    let units = drive.kind.units();
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN);
+    table.set_header([
+        "quantity",
+        "value",
+        "+- 3 sigma",
+        "unit",
+        "drive file",
+        "change",
+    ]);
+    let right = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
+    for identified in &identification.quantities {
+        let change = identified.value - identified.before;
+        let (deviation, change) = if identified.held {
+            ("held".into(), String::new())
+        } else if identified.quantity == Quantity::ActuatorMass
+            || identified.quantity == Quantity::ForceConstant
+        {
+            // The paper's deviations, as amounts.
+            (
+                format!("{:.2e}", 3.0 * identified.std),
+                format!("{change:+.3e}"),
+            )
+        } else if identified.before == 0.0 {
+            (format!("{:.2e}", 3.0 * identified.std), String::new())
+        } else {
+            (
+                format!("{:.2e}", 3.0 * identified.std),
+                format!("{:+.1} %", 100.0 * change / identified.before),
+            )
+        };
+        table.add_row([
+            Cell::new(identified.quantity.name()),
+            right(format!("{:.6}", identified.value)),
+            right(deviation),
+            Cell::new(identified.quantity.unit(units)),
+            right(format!("{:.6}", identified.before)),
+            right(change),
+        ]);
+    }
+    format!(
+        "{table}\nfit: {:.2} % of the motion above half of the slowest mode, simulated from the current \
+         alone\n",
+        identification.fit_percent
+    )
+}
+
+/// Motion, innovations, their correlation and the frequency response, as SVG.
+///
+/// # Errors
+/// [`Error::Simulation`](crate::error::Error::Simulation) when the drawing cannot be made.
+pub fn plot(drive: &Drive, identification: &Identification, kind: Kind) -> Result<String> {
+    let period = drive.control.sample_time;
+    let units = drive.kind.units();
+    let every = identification.fitted.len().div_ceil(POINTS).max(1);
+    let line = |values: &mut dyn Iterator<Item = f64>| -> Vec<(f64, f64)> {
+        let timed = values.enumerate().step_by(every);
+        timed.map(|(k, value)| (k as f64 * period, value)).collect()
+    };
+    let motion: Vec<Series> = vec![
+        (
+            "measured".into(),
+            line(&mut identification.fitted.iter().map(|pair| 1e3 * pair.0)),
+        ),
+        (
+            "simulated".into(),
+            line(&mut identification.fitted.iter().map(|pair| 1e3 * pair.1)),
+        ),
+    ];
+    let innovations = vec![(
+        "innovation".into(),
+        line(&mut identification.innovations.iter().map(|e| 1e6 * e)),
+    )];
+    let correlation = identification.correlation.iter().enumerate().skip(1);
+    let correlation = vec![(
+        "correlation".into(),
+        correlation
+            .map(|(lag, value)| (lag as f64 * period, *value))
+            .collect(),
+    )];
+    let position = format!("position [{}]", units.milli_position);
+    let small = format!("innovation [{}]", units.micro_position);
+    let mut content = vec![
+        ("motion, slow part left out", position.as_str(), motion),
+        ("residual", small.as_str(), innovations),
+        ("correlation of the residual over the lag", "1", correlation),
+    ];
+    let response;
+    if kind == Kind::Excitation {
+        let chain = &identification.machine.chain;
+        let hz = |omega: f64| omega / std::f64::consts::TAU;
+        let decibel = |magnitude: f64| 20.0 * magnitude.log10();
+        let points = &identification.response;
+        response = vec![
+            (
+                "measured".to_owned(),
+                points
+                    .iter()
+                    .map(|point| (hz(point.omega), decibel(point.response.norm())))
+                    .collect::<Vec<_>>(),
+            ),
+            (
+                "model".to_owned(),
+                points
+                    .iter()
+                    .map(|point| {
+                        let model = model_response(chain, point.omega, period);
+                        (hz(point.omega), decibel(model.norm()))
+                    })
+                    .collect(),
+            ),
+        ];
+        content.push(("acceleration over current, over Hz", "dB", response));
+    }
+    panels("identification", "time [s]", &content)
+}
