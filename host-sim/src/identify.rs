@@ -62,7 +62,7 @@ pub struct Entry {
 pub struct Identification {
     /// Every quantity of the run.
     pub quantities: Vec<Identified>,
-    /// The machine that results, in a slow run with all its masses in the actuator's.
+    /// The machine that results.
     pub machine: Machine,
     /// How much of the motion above half of the slowest mode's frequency a simulation with the
     /// recorded current explains without any correction: `100 (1 − ‖error‖ / ‖motion‖)`.
@@ -79,6 +79,10 @@ pub struct Identification {
 
 /// How far the densities of noise may be from their first guess, as logarithms.
 const RANGE: f64 = 10.0;
+/// Standard deviation of the noise's logarithms and the origin's counts before the log is seen.
+const VAGUE: f64 = 5.0;
+/// Samples of the log that tell starts apart.
+const BEGINNING: usize = 2000;
 /// Starts that are refined.
 const STARTS: usize = 3;
 /// Relative standard deviation from which a quantity counts as not determined: masses and stiffnesses,
@@ -122,7 +126,7 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
     };
     // Bounded: beyond this the filter is a simulation, or follows every count.
     let bounded = |x: f64| RANGE * (x / RANGE).tanh();
-    let residuals = |x: &[f64]| -> Option<Vec<f64>> {
+    let residuals_of = |log: &Log, x: &[f64]| -> Option<Vec<f64>> {
         let noise = Noise {
             force: guess.force + bounded(x[free]),
             wander: guess.wander + bounded(x[free + 1]),
@@ -130,27 +134,29 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
         let machine = parameters.machine(&x[..free]);
         let innovations = innovations(log, &machine, noise, (x[free + 2], resolution));
         // A step of the search that cannot be judged is a bad one, not the end.
-        Some(innovations.unwrap_or_else(|| vec![1e6; log.current.len()]))
+        let mut residuals = innovations.unwrap_or_else(|| vec![1e6; log.current.len()]);
+        // Where the log says nothing of the noise or the origin, they stay near the guess.
+        residuals.extend(x[free..].iter().map(|x| x / VAGUE));
+        Some(residuals)
     };
-    if std::env::var("DBG").is_ok() {
-        for s in &starts {
-            eprintln!("start {s:?}");
-        }
-    }
-    let fits = starts.iter().map(|machine| {
-        let mut start = parameters.coordinates(machine);
-        start.extend([0.0; 3]);
-        fit(&residuals, &start, 1e-8)
-    });
-    let best = fits
+    // The beginning of the log tells the starts apart, the whole of it refines the best.
+    let beginning = log.beginning(BEGINNING);
+    let first = |x: &[f64]| residuals_of(&beginning, x);
+    let residuals = |x: &[f64]| residuals_of(log, x);
+    let best = starts
+        .iter()
+        .map(|machine| {
+            let mut start = parameters.coordinates(machine);
+            start.extend([0.0; 3]);
+            fit(&first, &start, 1e-3)
+        })
         .filter(|fit| fit.cost.is_finite())
         .min_by(|a, b| a.cost.total_cmp(&b.cost))
+        .map(|start| fit(&residuals, &start.coordinates, 1e-7))
+        .filter(|fit| fit.cost.is_finite())
         .ok_or_else(|| refused("no machine of this structure explains the log".into()))?;
 
     let x = best.coordinates;
-    if std::env::var("DBG").is_ok() {
-        eprintln!("best {} {x:?}", best.cost);
-    }
     let machine = parameters.machine(&x[..free]);
     let failed = || refused("the fit cannot be judged: it is not finite".into());
     let errors = residuals(&x).ok_or_else(failed)?;
@@ -200,7 +206,10 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
         fit_percent: 100.0 * (1.0 - (error / motion).sqrt()),
         fitted,
         correlation: (0..=memory).map(|lag| correlation(&errors, lag)).collect(),
-        innovations: errors.iter().map(|e| e * resolution).collect(),
+        innovations: errors[..log.current.len()]
+            .iter()
+            .map(|e| e * resolution)
+            .collect(),
         response,
     })
 }

@@ -45,7 +45,7 @@ enum RunKind {
     Excitation,
     /// The actuator alone, its load detached: its mass (or force constant) and friction.
     Free,
-    /// The whole chain, so slowly that it moves as one mass: the same.
+    /// The whole chain, moved slowly, its loads and springs as in the drive file: the same.
     Slow,
 }
 

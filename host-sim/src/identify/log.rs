@@ -136,6 +136,17 @@ impl Log {
             current: rows[1..].iter().map(|row| row.current).collect(),
         })
     }
+
+    /// The log's first periods.
+    #[must_use]
+    pub(super) fn beginning(&self, periods: usize) -> Self {
+        let periods = periods.min(self.current.len());
+        Self {
+            period: self.period,
+            position: self.position[..=periods].to_vec(),
+            current: self.current[..periods].to_vec(),
+        }
+    }
 }
 
 fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Result<Vec<Row>> {

@@ -14,7 +14,8 @@ pub enum Kind {
     Excitation,
     /// The actuator alone, its load detached.
     Free,
-    /// The whole chain, so slowly that it moves as one mass.
+    /// The whole chain, moved so slowly that its loads weigh, but hardly swing: they are taken from the
+    /// drive file.
     Slow,
 }
 
@@ -81,6 +82,10 @@ impl Quantity {
     }
 }
 
+/// How far a fit may take a coordinate from the drive file: a factor of a thousand, or that many times
+/// the amount by which friction varies.
+const FARTHEST: f64 = 7.0;
+
 /// A chain with its Coulomb friction: all that a fit can vary.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Machine {
@@ -94,11 +99,9 @@ pub struct Machine {
 /// them are free.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// What the run is of; a slow run moves all masses as one.
+    /// What the run is of.
     kind: Kind,
     start: Machine,
-    /// Mass of the loads that a slow run has in its one mass.
-    carried: f64,
     /// All quantities of the run, and whether each is held.
     pub(super) all: Vec<(Quantity, bool)>,
     /// Amounts by which friction varies: viscous, Coulomb.
@@ -150,17 +153,11 @@ impl Parameters {
             )));
         }
         let mut chain = Chain::new(&drive.actuator, &drive.loads, drive.friction.viscous);
-        if kind != Kind::Excitation {
+        if kind == Kind::Free {
             chain.mass.truncate(1);
             chain.stiffness.clear();
             chain.damping.clear();
         }
-        let carried = if kind == Kind::Slow {
-            drive.loads.iter().map(|load| load.mass).sum()
-        } else {
-            0.0
-        };
-        chain.mass[0] += carried;
         let total: f64 = chain.mass.iter().sum();
         let rate = chain
             .modes()
@@ -173,9 +170,8 @@ impl Parameters {
                 chain,
                 coulomb: drive.friction.coulomb,
             },
-            carried,
             all,
-            scale: (0.01 * total * rate, 0.01 * force),
+            scale: (0.1 * total * rate, 0.1 * force),
         })
     }
 
@@ -204,7 +200,7 @@ impl Parameters {
     pub fn value(&self, machine: &Machine, quantity: Quantity) -> f64 {
         let chain = &machine.chain;
         match quantity {
-            Quantity::ActuatorMass => chain.mass[0] - self.carried,
+            Quantity::ActuatorMass => chain.mass[0],
             Quantity::ForceConstant => chain.force_constant,
             Quantity::Mass(load) => chain.mass[load + 1],
             Quantity::Stiffness(load) => chain.stiffness[load],
@@ -217,16 +213,17 @@ impl Parameters {
     /// The coordinates in which a fit varies the free quantities.
     pub(super) fn coordinates(&self, machine: &Machine) -> Vec<f64> {
         self.free()
-            .map(|quantity| {
-                let value = self.value(machine, quantity);
-                match quantity {
-                    Quantity::ActuatorMass => machine.chain.mass[0].ln(),
-                    Quantity::Viscous => value / self.scale.0,
-                    Quantity::Coulomb => value / self.scale.1,
-                    _ => value.ln(),
-                }
-            })
+            .map(|quantity| self.coordinate(machine, quantity))
             .collect()
+    }
+
+    fn coordinate(&self, machine: &Machine, quantity: Quantity) -> f64 {
+        let value = self.value(machine, quantity);
+        match quantity {
+            Quantity::Viscous => value / self.scale.0,
+            Quantity::Coulomb => value / self.scale.1,
+            _ => value.ln(),
+        }
     }
 
     /// The machine at some coordinates.
@@ -234,6 +231,8 @@ impl Parameters {
         let mut machine = self.start.clone();
         let chain = &mut machine.chain;
         for (quantity, x) in self.free().zip(coordinates) {
+            let before = self.coordinate(&self.start, quantity);
+            let x = x.clamp(before - FARTHEST, before + FARTHEST);
             match quantity {
                 Quantity::ActuatorMass => chain.mass[0] = x.exp(),
                 Quantity::ForceConstant => chain.force_constant = x.exp(),
@@ -250,7 +249,6 @@ impl Parameters {
     /// Value per coordinate at a machine, for standard deviations.
     pub(super) fn slope(&self, machine: &Machine, quantity: Quantity) -> f64 {
         match quantity {
-            Quantity::ActuatorMass => machine.chain.mass[0],
             Quantity::Viscous => self.scale.0,
             Quantity::Coulomb => self.scale.1,
             _ => self.value(machine, quantity),
