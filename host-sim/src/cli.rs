@@ -6,6 +6,7 @@
 mod capture;
 mod compare;
 mod design;
+mod excite;
 mod paper;
 mod simulate;
 
@@ -31,6 +32,8 @@ enum Command {
     Capture(capture::CaptureCommand),
     /// Set the drive beside its rivals, on plants that differ.
     Compare(compare::CompareCommand),
+    /// Form the current that the drive plays to be identified.
+    Excite(excite::ExciteCommand),
     /// Show what the gains printed in the paper do.
     Paper(paper::PaperCommand),
     /// Simulate experiments on a drive (what the program does without a command).
@@ -48,6 +51,7 @@ impl Cli {
             Some(Command::Design(command)) => command.run(),
             Some(Command::Capture(command)) => command.run(),
             Some(Command::Compare(command)) => command.run(),
+            Some(Command::Excite(command)) => command.run(),
             Some(Command::Paper(command)) => command.run(),
             Some(Command::Simulate(command)) => command.run(),
         }
