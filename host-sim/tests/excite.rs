@@ -145,7 +145,7 @@ fn what_cannot_be_played_gets_one_sentence() {
             &["--to", "401"],
             "--to 401: must be above 0 and at most 0.4 / sample_time = 400 Hz",
         ),
-        (&["--to", "-inf"], "--to -inf: must be above 0"),
+        (&["--to", "inf"], "--to inf: must be above 0"),
         (
             &["--from", "0.1"],
             "--from 0.1: must be 0.2 Hz at least, 4 of its periods must fit into 20000",
