@@ -46,6 +46,7 @@ impl Log {
             match record.state {
                 State::Idle => defmt::info!("idle"),
                 State::Commissioning => defmt::info!("commissioning"),
+                State::Exciting => defmt::info!("exciting"),
                 State::Ready => defmt::info!("ready"),
                 State::Running => defmt::info!("running"),
                 State::Fault(fault) => {
