@@ -104,7 +104,7 @@ fn summary(play: &Play, drive: &Drive) -> String {
          predicted travel    {:.3} {milli} ({:.0} counts), at most {:.3} {milli} allowed\n\
          predicted stretch   {:.3} {milli} at most, of spring {}\n",
         play.signal.name(),
-        play.lines.clone().count(),
+        play.lines.len(),
         play.repetitions,
         play.period(),
         play.duration(),

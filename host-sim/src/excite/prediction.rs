@@ -17,28 +17,39 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Moves the nominal machine through the play, without friction, which would only brake it.
+    /// Moves the nominal machine through the play: without friction, and with the friction that the
+    /// drive file has, if it has any; the larger counts.
+    ///
+    /// Friction need not shorten the way: it decides where on its path the machine settles.
     ///
     /// # Errors
     /// When its motion is no longer finite.
     pub(super) fn new(drive: &Drive, play: &Play) -> Result<Self> {
+        let mut prediction = Self::default();
+        prediction.take(&Friction::default(), drive, play)?;
+        if drive.friction != Friction::default() {
+            prediction.take(&drive.friction, drive, play)?;
+        }
+        Ok(prediction)
+    }
+
+    fn take(&mut self, friction: &Friction, drive: &Drive, play: &Play) -> Result<()> {
         let machine = PlantFile {
-            friction: Friction::default(),
+            friction: friction.clone(),
             ..PlantFile::from(drive)
         };
         let mut plant = Plant::new(&machine, play.sample_time);
-        let mut prediction = Self::default();
         for current in play.currents() {
             plant.advance(current.into())?;
             let state = plant.state();
-            prediction.travel = prediction.travel.max(state[0].abs());
+            self.travel = self.travel.max(state[0].abs());
             for spring in 1..=drive.loads.len() {
                 let stretch = (state[2 * spring] - state[2 * spring - 2]).abs();
-                if stretch > prediction.stretch {
-                    (prediction.stretch, prediction.spring) = (stretch, spring);
+                if stretch > self.stretch {
+                    (self.stretch, self.spring) = (stretch, spring);
                 }
             }
         }
-        Ok(prediction)
+        Ok(())
     }
 }

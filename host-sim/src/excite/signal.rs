@@ -1,22 +1,29 @@
-//! One period of a signal: its shape, where it begins, and its rounding to whole steps.
+//! Half a period of a signal: its shape, where it begins, and its rounding to whole steps.
+//!
+//! The second half of a period is the first upside down, `i_{k+N/2} = −i_k`: the signal then consists
+//! of odd multiples of 1 / period alone. With every multiple in it, forwards and backwards differ, and
+//! Coulomb friction, which takes the same force off in either direction, makes a rectifier of the
+//! machine: it creeps, by more than it vibrates, as long as it is excited. What is the same upside down
+//! half a period later stays so in any machine whose friction is the same in both directions, and can
+//! creep nowhere.
 
 use std::f64::consts::{PI, TAU};
-use std::ops::RangeInclusive;
 
-/// Sum of cosines of equal amplitude with Schroeder's phases, `−π n (n − 1) / lines` for the
+/// Sum of cosines of equal amplitude with Schroeder's phases, `−π n (n − 1) / count` for the
 /// `n`-th of them: the frequency then passes through the band once per period, like a sweep, and
 /// the peak stays near that of a single sine instead of growing with the number of lines.
 ///
-/// * `lines`: periods of each cosine in the whole, below half of `samples`
-pub(super) fn multisine(samples: usize, lines: RangeInclusive<usize>) -> Vec<f64> {
+/// * `half`: entries of half a period
+/// * `lines`: cycles of each cosine in a whole period: odd, below `half`
+pub(super) fn multisine(half: usize, lines: &[usize]) -> Vec<f64> {
     // Every cosine is made of the same values, taken at its own pace.
+    let samples = 2 * half;
     let value = |k: usize| (TAU * k as f64 / samples as f64).sin_cos();
     let circle: Vec<(f64, f64)> = (0..samples).map(value).collect();
-    let count = lines.clone().count() as f64;
-    let mut signal = vec![0.0; samples];
-    for (n, line) in lines.enumerate() {
+    let mut signal = vec![0.0; half];
+    for (n, line) in lines.iter().enumerate() {
         let n = (n + 1) as f64;
-        let (sin, cos) = (-PI * n * (n - 1.0) / count).sin_cos();
+        let (sin, cos) = (-PI * n * (n - 1.0) / lines.len() as f64).sin_cos();
         let mut at = 0;
         for sum in &mut signal {
             let (s, c) = circle[at];
@@ -27,29 +34,27 @@ pub(super) fn multisine(samples: usize, lines: RangeInclusive<usize>) -> Vec<f64
     signal
 }
 
-/// A sine whose frequency rises linearly from one end of the band to the other in the first half of
-/// the period and falls back in the second.
+/// A sine whose frequency rises linearly from one end of the band to the other and falls back, in
+/// half a period. A whole number and a half of cycles (the band is scaled by that little) leads on to
+/// the same upside down.
 ///
-/// With the frequency symmetric about the middle of the period and a whole number of cycles in it
-/// (the band is scaled by that little), the sine is odd about the middle: periodic, and its mean is
-/// zero.
-///
-/// * `band`: cycles per period
-pub(super) fn chirp(samples: usize, [from, to]: [f64; 2]) -> Vec<f64> {
+/// * `half`: entries of half a period
+/// * `band`: cycles in half a period
+pub(super) fn chirp(half: usize, [from, to]: [f64; 2]) -> Vec<f64> {
     let mean = 0.5 * (from + to);
-    let cycles = mean.round().max(1.0);
+    let cycles = mean.floor() + 0.5;
     let scale = cycles / mean;
-    let phase = |u: f64| scale * (from * u + (to - from) * u * u);
+    let rising = |u: f64| scale * (from * u + (to - from) * u * u);
     let sample = |k: usize| {
-        let u = k as f64 / samples as f64;
+        let u = k as f64 / half as f64;
         let phase = if u <= 0.5 {
-            phase(u)
+            rising(u)
         } else {
-            cycles - phase(1.0 - u)
+            cycles - rising(1.0 - u)
         };
         (TAU * phase).sin()
     };
-    (0..samples).map(sample).collect()
+    (0..half).map(sample).collect()
 }
 
 /// The signal, shifted cyclically so that a free machine at rest does not drift away under it.
@@ -64,55 +69,56 @@ pub(super) fn chirp(samples: usize, [from, to]: [f64; 2]) -> Vec<f64> {
 /// The velocity is periodic because the signal has no mean, but nothing makes its own mean zero: the
 /// machine advances by that mean times the period in each repetition, and a sine that begins at its
 /// zero crossing is the worst there is. So it begins with an entry at which `S` passes its mean, as
-/// near to it as entries are; what is left is taken away by [`in_steps`]. `S` passes its mean many
-/// times; of all these entries it is the one from which the rigid path reaches least far.
-pub(super) fn begun_at_standstill(mut signal: Vec<f64>) -> Vec<f64> {
-    let samples = signal.len();
-    let mut sum = 0.0;
-    let before = signal.iter().map(|current| {
-        let before = sum;
-        sum += current;
-        before
-    });
-    let sums: Vec<f64> = before.collect();
-    let mean = sums.iter().sum::<f64>() / samples as f64;
-    let velocity: Vec<f64> = sums.iter().map(|sum| sum - mean).collect();
-    let mut position = 0.0;
-    let after = |k: usize| (k + 1) % samples;
-    let path: Vec<f64> = (0..samples)
-        .map(|k| {
-            let here = position;
-            // Exact: the acceleration is constant over a period.
-            position += 0.5 * (velocity[k] + velocity[after(k)]);
-            here
-        })
-        .collect();
-    let least = path.iter().copied().fold(f64::INFINITY, f64::min);
-    let greatest = path.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let travel = |k: &usize| (greatest - path[*k]).max(path[*k] - least);
-    let start = (0..samples)
-        .filter(|k| velocity[*k] * velocity[after(*k)] <= 0.0)
-        .map(|k| {
-            if velocity[k].abs() <= velocity[after(k)].abs() {
-                k
-            } else {
-                after(k)
-            }
-        })
-        .min_by(|a, b| travel(a).total_cmp(&travel(b)));
-    signal.rotate_left(start.unwrap_or(0));
-    signal
+/// near to it as entries are. What is left is less than an entry, and is spread evenly over the half
+/// period.
+///
+/// `S` passes its mean many times; the path leads equally far to either side, so that it is shortest
+/// from the entry nearest to its middle.
+pub(super) fn begun_at_standstill(signal: &[f64]) -> Vec<f64> {
+    let half = signal.len();
+    // Entry `half` of velocity and path is entry 0 upside down.
+    let integrated = |rate: &dyn Fn(usize) -> f64| {
+        let mut sum = 0.0;
+        let mut sums: Vec<f64> = (0..=half)
+            .map(|k| {
+                let before = sum;
+                sum += rate(k);
+                before
+            })
+            .collect();
+        let middle = 0.5 * sums[half];
+        for sum in &mut sums {
+            *sum -= middle;
+        }
+        sums
+    };
+    let velocity = integrated(&|k| signal[k % half]);
+    // Exact: the acceleration is constant from entry to entry.
+    let path = integrated(&|k| 0.5 * (velocity[k] + velocity[(k + 1).min(half)]));
+    let start = (0..half)
+        .filter(|k| velocity[*k] * velocity[k + 1] <= 0.0)
+        .map(|k| k + usize::from(velocity[k].abs() > velocity[k + 1].abs()))
+        .min_by(|a, b| path[*a].abs().total_cmp(&path[*b].abs()))
+        .unwrap_or(0);
+    let (before, after) = signal.split_at(start.min(half));
+    let mut shifted = after.to_vec();
+    shifted.extend(before.iter().map(|current| -current));
+    // The sum of half a period is the velocity that the machine would have had to begin with, twice.
+    let rest = shifted.iter().sum::<f64>() / half as f64;
+    for current in &mut shifted {
+        *current -= rest;
+    }
+    shifted
 }
 
-/// The signal in whole steps with the largest at `peak`: no mean, and no drift at all.
+/// A whole period in whole steps, the largest being `peak`.
 ///
 /// Each rounding error is carried into the next entry, so that the running sum, which is the
-/// machine's velocity, is never off by more than half a step, and the sum of all is exactly zero.
-/// Then single steps are moved, one entry raised and a later one lowered or the reverse, until the
-/// mean of the running sum is exactly zero too: the rigid motion then ends every repetition where it
-/// began it, however many there are.
+/// machine's velocity, is never off by more than half a step, and the sum of either half is exactly
+/// zero, as the signal's is: a rigid machine ends every repetition where it began it, however many
+/// there are.
 ///
-/// * `signal`: without mean, not all zero
+/// * `signal`: half a period, without mean, not all zero
 /// * `peak`: positive
 pub(super) fn in_steps(signal: &[f64], peak: i16) -> Vec<i16> {
     let largest = signal
@@ -128,47 +134,19 @@ pub(super) fn in_steps(signal: &[f64], peak: i16) -> Vec<i16> {
         rounded as i16
     };
     let mut steps: Vec<i16> = signal.iter().map(round).collect();
-    remove_drift(&mut steps, peak);
+    let upside_down: Vec<i16> = steps.iter().map(|step| -step).collect();
+    steps.extend(upside_down);
     steps
-}
-
-/// Moves single steps until the running sums add up to zero.
-///
-/// One step more at entry `a` and one less at `a + d` raise the `d` running sums between them by one.
-fn remove_drift(steps: &mut [i16], peak: i16) {
-    let mut sum = 0;
-    let sums = steps.iter().map(|step| {
-        let before = sum;
-        sum += i64::from(*step);
-        before
-    });
-    let mut drift: i64 = sums.sum();
-    let half = steps.len() / 2;
-    let fits =
-        |step: i16, change: i16| (i32::from(step) + i32::from(change)).abs() <= i32::from(peak);
-    while drift != 0 {
-        let before = drift;
-        for early in 0..steps.len() - half {
-            let distance = drift.unsigned_abs().min(half as u64) as usize;
-            let late = early + distance;
-            let change = -drift.signum() as i16;
-            if distance > 0 && fits(steps[early], change) && fits(steps[late], -change) {
-                steps[early] += change;
-                steps[late] -= change;
-                drift += i64::from(change) * distance as i64;
-            }
-        }
-        if drift == before {
-            // No entry can be moved: all are at the peak.
-            return;
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    fn odd(from: usize, to: usize) -> Vec<usize> {
+        (from..=to).step_by(2).collect()
+    }
 
     /// Position of a rigid machine, in units of `k_f T² / M` steps, at the end of every period:
     /// integrated by Newton's law, period by period, from rest.
@@ -186,15 +164,19 @@ mod tests {
         path
     }
 
+    fn farthest(path: &[f64]) -> f64 {
+        path.iter().fold(0.0, |f: f64, x| f.max(x.abs()))
+    }
+
     /// Every cosine by its own formula, at a few places.
     #[test]
     fn the_multisine_is_its_formula() {
-        let signal = multisine(100, 3..=7);
-        for k in [0, 1, 17, 50, 99] {
+        let signal = multisine(50, &odd(3, 11));
+        for k in [0, 1, 17, 25, 49] {
             let cosines = (1..=5).map(|n| {
                 let n = f64::from(n);
                 let phase = -PI * n * (n - 1.0) / 5.0;
-                (TAU * (n + 2.0) * k as f64 / 100.0 + phase).cos()
+                (TAU * (2.0 * n + 1.0) * k as f64 / 100.0 + phase).cos()
             });
             assert!((signal[k] - cosines.sum::<f64>()).abs() < 1e-12);
         }
@@ -203,36 +185,36 @@ mod tests {
     /// Schroeder's phases keep the crest factor below 2; phases of zero would make it √(2 lines).
     #[test]
     fn the_multisine_has_a_low_peak() {
-        for (samples, lines) in [(2048, 5..=111), (2048, 5..=20), (20_000, 10..=4000)] {
-            let signal = multisine(samples, lines.clone());
-            let peak = signal.iter().fold(0.0, |p: f64, x| p.max(x.abs()));
-            let rms = (0.5 * lines.count() as f64).sqrt();
-            assert!(peak / rms < 2.0, "{samples}: {}", peak / rms);
+        for (half, from, to) in [(1024, 5, 111), (1024, 5, 21), (10_000, 11, 3999)] {
+            let lines = odd(from, to);
+            let peak = farthest(&multisine(half, &lines));
+            let rms = (0.5 * lines.len() as f64).sqrt();
+            assert!(peak / rms < 2.0, "{half}: {}", peak / rms);
         }
     }
 
     /// The zero crossings of the sweep are as far apart as the frequency there says, up and down alike,
-    /// and there are as many as the mean frequency has cycles.
+    /// there are as many as the mean frequency has cycles, and the next half goes on from there.
     #[test]
     fn the_chirp_sweeps_up_and_down() {
-        let (samples, band) = (20_000, [20.0, 100.0]);
-        let signal = chirp(samples, band);
-        let crossings: Vec<usize> = (1..samples)
+        let (half, band) = (20_000, [20.0, 100.0]);
+        let signal = chirp(half, band);
+        let crossings: Vec<usize> = (1..half)
             .filter(|k| signal[k - 1] < 0.0 && signal[*k] >= 0.0)
             .collect();
-        assert_eq!(crossings.len(), 59);
+        assert_eq!(crossings.len(), 60);
         for pair in crossings.windows(2) {
-            let middle = 0.5 * (pair[0] + pair[1]) as f64 / samples as f64;
+            let middle = 0.5 * (pair[0] + pair[1]) as f64 / half as f64;
             let up = 1.0 - (2.0 * middle - 1.0).abs();
             let frequency = band[0] + (band[1] - band[0]) * up;
-            let measured = samples as f64 / (pair[1] - pair[0]) as f64;
+            let measured = half as f64 / (pair[1] - pair[0]) as f64;
             assert!(
                 (measured / frequency - 1.0).abs() < 0.05,
                 "{measured} {frequency}"
             );
         }
-        let sum: f64 = signal.iter().sum();
-        assert!(sum.abs() < 1e-9);
+        let (rising, falling) = (signal[1] - signal[0], -signal[0] - signal[half - 1]);
+        assert!(rising > 0.0 && (falling / -rising - 1.0).abs() < 0.01);
     }
 
     /// A sine stands still at its extremes alone, and its path leads from one to the other. Beside a
@@ -240,56 +222,57 @@ mod tests {
     #[test]
     fn it_begins_where_the_machine_stands_still_and_the_way_is_short() {
         let sine = |cycles: f64, k: usize| (TAU * cycles * k as f64 / 1000.0).sin();
-        let begun = begun_at_standstill((0..1000).map(|k| sine(1.0, k)).collect());
-        assert!(begun[0].abs() > 0.999, "{}", begun[0]);
+        let one: Vec<f64> = (0..500).map(|k| sine(1.0, k)).collect();
+        // But for an entry's share in what is left.
+        assert!(begun_at_standstill(&one)[0].abs() > 0.99);
 
-        let both = (0..1000).map(|k| sine(1.0, k) + 9.0 * sine(3.0, k));
-        let steps = in_steps(&begun_at_standstill(both.collect()), 1000);
-        let path = rigid(&steps, 1);
+        let both: Vec<f64> = (0..500)
+            .map(|k| sine(1.0, k) + 9.0 * sine(3.0, k))
+            .collect();
+        let path = rigid(&in_steps(&begun_at_standstill(&both), 1000), 1);
         let least = path.iter().copied().fold(0.0, f64::min);
         let greatest = path.iter().copied().fold(0.0, f64::max);
-        assert!(greatest.max(-least) < 0.8 * (greatest - least));
+        assert!(farthest(&path) < 0.8 * (greatest - least));
     }
 
     /// After any number of repetitions the machine is exactly where it began, at rest.
     #[test]
     fn nothing_drifts() {
         for (signal, peak) in [
-            (multisine(2048, 5..=111), 1000),
-            (multisine(2048, 1..=1), 2000),
-            (multisine(50, 1..=20), 30_000),
-            (multisine(2047, 5..=7), 10),
-            (chirp(2048, [5.3, 111.2]), 1000),
-            (chirp(2000, [1.0, 1.4]), 1000),
+            (multisine(1024, &odd(5, 111)), 1000),
+            (multisine(1024, &[1]), 2000),
+            (multisine(25, &odd(1, 19)), 32_767),
+            (multisine(1023, &odd(5, 7)), 10),
+            (chirp(1024, [5.3, 111.2]), 1000),
+            (chirp(1000, [0.5, 0.7]), 1000),
         ] {
-            let steps = in_steps(&begun_at_standstill(signal), peak);
+            let steps = in_steps(&begun_at_standstill(&signal), peak);
             let path = rigid(&steps, 1000);
             let ends: Vec<f64> = path.chunks(steps.len()).map(|c| c[c.len() - 1]).collect();
             assert!(ends.iter().all(|end| *end == 0.0), "{:?}", &ends[..3]);
-            let once = path[..steps.len()]
-                .iter()
-                .fold(0.0, |f: f64, x| f.max(x.abs()));
-            let ever = path.iter().fold(0.0, |f: f64, x| f.max(x.abs()));
-            assert_eq!(once, ever);
+            assert_eq!(farthest(&path[..steps.len()]), farthest(&path));
         }
     }
 
     proptest! {
-        /// Whatever the signal: within the peak, no mean, no drift, never a step beside the signal
-        /// but for the entries that were moved.
+        /// Whatever the signal: within the peak and near the signal, without mean, without drift, the
+        /// same upside down.
         #[test]
         fn rounding_keeps_the_sums(
             raw in prop::collection::vec(-1.0..1.0_f64, 8..300),
-            peak in 20_i16..2000,
+            peak in 10_i16..=i16::MAX,
         ) {
-            let mean = raw.iter().sum::<f64>() / raw.len() as f64;
-            let signal: Vec<f64> = raw.iter().map(|x| x - mean).collect();
-            let signal = begun_at_standstill(signal);
+            let signal = begun_at_standstill(&raw);
             let steps = in_steps(&signal, peak);
-            prop_assert!(steps.iter().all(|step| step.abs() <= peak));
-            prop_assert_eq!(steps.iter().map(|step| i64::from(*step)).sum::<i64>(), 0);
-            let end = *rigid(&steps, 3).last().unwrap();
-            prop_assert_eq!(end, 0.0);
+            prop_assert_eq!(steps.len(), 2 * raw.len());
+            prop_assert_eq!(steps.iter().map(|step| step.abs()).max(), Some(peak));
+            prop_assert_eq!(*rigid(&steps, 3).last().unwrap(), 0.0);
+            let (first, second) = steps.split_at(raw.len());
+            let scale = f64::from(peak) / farthest(&signal);
+            for ((a, b), x) in first.iter().zip(second).zip(&signal) {
+                prop_assert_eq!(*a, -*b);
+                prop_assert!((f64::from(*a) - scale * x).abs() <= 1.0 + 1e-9);
+            }
         }
     }
 }
