@@ -38,7 +38,10 @@ impl Log {
             self.lost = self.lost.saturating_add(record.step.wrapping_sub(expected));
         }
         self.expected = Some(record.step.wrapping_add(1));
-        self.vibration.update(record);
+        // Nothing is estimated in any other state.
+        if record.state == State::Running {
+            self.vibration.update(record);
+        }
         self.worst_cycles = self.worst_cycles.max(record.cycles);
 
         if record.state != self.state {
