@@ -10,6 +10,7 @@
 use crate::commissioning::{self, Action, Commissioning};
 use crate::disturbance::{self, ForceObservers};
 use crate::encoder::{self, Encoder};
+use crate::excitation::{self, Excitation};
 use crate::gains::{Gains, GainsError};
 use crate::limits::Limits;
 use crate::observer::{self, ActuatorMotion, Estimate, Observer};
@@ -44,6 +45,8 @@ pub struct Command {
 pub enum Request {
     /// Prove the signs of encoder and current by a small motion; idle or ready drives only.
     Commission,
+    /// Play a current profile in open loop; idle or ready drives only.
+    Excite(Excitation),
     /// Close the loop where the actuator stands; ready drives only.
     Start,
     /// Open the loop; acknowledges a fault.
@@ -79,6 +82,8 @@ struct Memory<const N: usize, const S: usize> {
     observer: observer::State<S>,
     reference: reference::State,
     commissioning: commissioning::State,
+    /// What is being played, and how far it has come.
+    excitation: (Excitation, excitation::State),
     /// The next step initialises the observers at the measured position.
     starting: bool,
     pending: Option<Request>,
@@ -118,6 +123,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
                 observer: observer.at_rest(Position(0.0)),
                 reference: reference::State::default(),
                 commissioning: commissioning::State::default(),
+                excitation: Default::default(),
                 starting: false,
                 pending: None,
                 telemetry: Telemetry::default(),
@@ -134,6 +140,12 @@ impl<const N: usize, const S: usize> Controller<N, S> {
                 if memory.supervisor.commission() {
                     memory.commissioning = commissioning::State::default();
                     memory.starting = true;
+                    memory.pending = None;
+                }
+            }
+            Request::Excite(excitation) => {
+                if memory.supervisor.excite() {
+                    memory.excitation = (excitation, excitation::State::default());
                     memory.pending = None;
                 }
             }
@@ -171,7 +183,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
     ///
     /// The same path is taken in every running period; its cost does not depend on the values,
     /// apart from the one period in which a move is planned (two square roots and a cube root
-    /// more). Idle and faulted drives get zero current and a disabled amplifier.
+    /// more). A drive that excites does less. Idle and faulted drives get zero current and a disabled amplifier.
     pub fn step(&mut self, measurement: Measurement) -> Command {
         let memory = &mut self.memory;
         let reading = self.encoder.step(&mut memory.encoder, measurement.count);
@@ -182,6 +194,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
         let result = match memory.supervisor.state() {
             State::Running => self.run(measurement, reading),
             State::Commissioning => self.commission(reading),
+            State::Exciting => self.excite(measurement, reading),
             State::Idle | State::Ready | State::Fault(_) => Ok(Command::default()),
         };
         let command = result.unwrap_or_else(|fault| {
@@ -238,6 +251,26 @@ impl<const N: usize, const S: usize> Controller<N, S> {
         }
     }
 
+    /// Excitation: open loop from the first period to the last, within the travel allowed.
+    fn excite(
+        &mut self,
+        measurement: Measurement,
+        reading: encoder::Reading,
+    ) -> Result<Command, Fault> {
+        if reading.jump {
+            return Err(Fault::EncoderJump);
+        }
+        plausible(self.limits, measurement.current)?;
+        let memory = &mut self.memory;
+        let (excitation, state) = &mut memory.excitation;
+        if let Some(current) = excitation.step(state, reading.position)? {
+            limited(self.limits, current)
+        } else {
+            memory.supervisor.excited();
+            Ok(Command::default())
+        }
+    }
+
     fn run(
         &mut self,
         measurement: Measurement,
@@ -258,13 +291,7 @@ impl<const N: usize, const S: usize> Controller<N, S> {
         } else if reading.jump {
             return Err(Fault::EncoderJump);
         }
-        if !current.0.is_finite() {
-            return Err(Fault::NonFinite);
-        }
-        // Half a step of the output for its rounding.
-        if current.0.abs() > self.limits.current_limit + self.limits.current_resolution {
-            return Err(Fault::AppliedCurrent);
-        }
+        plausible(self.limits, current)?;
 
         let forces = self.forces.step(&mut memory.forces, displacement, current);
         let actuator = ActuatorMotion {
@@ -316,6 +343,18 @@ impl<const N: usize, const S: usize> Controller<N, S> {
         }
         Ok(command)
     }
+}
+
+/// Whether a current can have been applied by this drive.
+fn plausible(limits: Limits, applied: Current) -> Result<(), Fault> {
+    if !applied.0.is_finite() {
+        return Err(Fault::NonFinite);
+    }
+    // A step of the output for its rounding.
+    if applied.0.abs() > limits.current_limit + limits.current_resolution {
+        return Err(Fault::AppliedCurrent);
+    }
+    Ok(())
 }
 
 /// The command that applies a current as far as the limits allow.
@@ -519,6 +558,133 @@ mod tests {
         assert_eq!(controller.telemetry().reference, -0.01);
     }
 
+    const EXCITATION: Excitation = Excitation {
+        // The last is beyond the limit of 2 A.
+        profile: &[100, -350, 9000],
+        unit: 1e-3,
+        repetitions: 3,
+        travel: 1e-3,
+    };
+
+    fn exciting(excitation: Excitation) -> Controller<1, 5> {
+        let mut controller = Controller::new(&gains()).unwrap();
+        controller.step(measured(500, 0.0));
+        controller.request(Request::Excite(excitation));
+        controller
+    }
+
+    /// Every current of every repetition through the limiter, then nothing, with unproven signs;
+    /// the same from a drive that was ready, and once more.
+    #[test]
+    fn an_excitation_is_its_profile_through_the_limiter() {
+        let mut ready = Controller::new(&gains()).unwrap();
+        commission(&mut ready);
+        ready.request(Request::Excite(EXCITATION));
+        for mut controller in [exciting(EXCITATION), ready] {
+            let Telemetry {
+                count, position, ..
+            } = *controller.telemetry();
+            for again in 0..2 {
+                let mut applied = 0.0;
+                for k in 0..9_u32 {
+                    let (current, limited) =
+                        [(0.1, false), (-0.35, false), (2.0, true)][k as usize % 3];
+                    let command = controller.step(measured(count.wrapping_add(k), applied));
+                    assert!((command.current.0 - current).abs() < 1e-6, "step {k}");
+                    assert_eq!((command.enable, command.limited), (true, limited));
+                    let record = *controller.telemetry();
+                    assert_eq!(record.state, State::Exciting);
+                    assert_eq!(record.count, count.wrapping_add(k));
+                    assert!((record.position - position - k as f32 * 1e-6).abs() < 1e-9);
+                    assert_eq!(record.applied_current, applied);
+                    assert_eq!(
+                        (record.command, record.limited),
+                        (command.current.0, limited)
+                    );
+                    applied = command.current.0;
+                }
+                assert_eq!(
+                    controller.step(measured(count, applied)),
+                    Command::default()
+                );
+                let record = *controller.telemetry();
+                assert_eq!((record.state, record.applied_current), (State::Idle, 2.0));
+                controller.request(Request::Start);
+                assert!(!controller.step(measured(count, 0.0)).enable);
+                assert_eq!(controller.state(), State::Idle);
+                if again == 0 {
+                    controller.request(Request::Excite(EXCITATION));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_excitation_that_goes_wrong_is_a_fault() {
+        for (count, current, fault) in [
+            (500 + 1001, 0.0, Fault::Travel),
+            (0xFFFF & (500 - 1001_i32) as u32, 0.0, Fault::Travel),
+            (30_000, 0.0, Fault::EncoderJump),
+            (500, f32::NAN, Fault::NonFinite),
+            (500, -2.1, Fault::AppliedCurrent),
+        ] {
+            let mut controller = exciting(EXCITATION);
+            assert!(controller.step(measured(500, 0.0)).enable);
+            assert!(controller.step(measured(500 + 999, 0.1)).enable);
+            let command = controller.step(measured(count, current));
+            assert_eq!(command, Command::default());
+            assert_eq!(controller.state(), State::Fault(fault));
+            // It stays, and is left as any fault.
+            controller.request(Request::Excite(EXCITATION));
+            assert!(!controller.step(measured(count, 0.0)).enable);
+            controller.request(Request::Stop);
+            controller.request(Request::Excite(EXCITATION));
+            assert!(controller.step(measured(count, 0.0)).enable);
+        }
+        assert_eq!(Fault::Travel.number(), 8);
+        for (unit, travel) in [
+            (f32::NAN, 1.0),
+            (f32::INFINITY, 1.0),
+            // A step times this is no number.
+            (f32::MAX, 1.0),
+            (1e-3, f32::NAN),
+            (1e-3, f32::INFINITY),
+        ] {
+            let mut controller = exciting(Excitation {
+                unit,
+                travel,
+                ..EXCITATION
+            });
+            assert_eq!(controller.step(measured(500, 0.0)), Command::default());
+            assert_eq!(controller.state(), State::Fault(Fault::NonFinite));
+        }
+    }
+
+    #[test]
+    fn an_excitation_can_be_stopped_and_does_not_interrupt() {
+        let mut controller = exciting(EXCITATION);
+        assert!(controller.step(measured(500, 0.0)).enable);
+        controller.request(Request::Commission);
+        controller.request(Request::Start);
+        controller.request(Request::Step(Position(0.01)));
+        controller.step(measured(500, 0.0));
+        assert_eq!(controller.state(), State::Exciting);
+        controller.request(Request::Stop);
+        assert_eq!(controller.step(measured(500, 0.0)), Command::default());
+        assert_eq!(controller.state(), State::Idle);
+
+        let mut controller = running();
+        controller.step(measured(0, 0.0));
+        controller.request(Request::Excite(EXCITATION));
+        controller.step(measured(0, 0.0));
+        assert_eq!(controller.state(), State::Running);
+        let mut controller = Controller::new(&gains()).unwrap();
+        controller.request(Request::Commission);
+        controller.request(Request::Excite(EXCITATION));
+        controller.step(measured(0, 0.0));
+        assert_eq!(controller.state(), State::Commissioning);
+    }
+
     #[test]
     fn gains_that_cannot_be_run_are_refused() {
         let refused = |change: fn(&mut Gains<1, 5>)| {
@@ -558,7 +724,7 @@ mod tests {
         /// unless the drive runs.
         #[test]
         fn every_command_is_safe(
-            inputs in prop::collection::vec((any::<u32>(), any::<f32>(), 0..20_u8, any::<f32>()), 1..200),
+            inputs in prop::collection::vec((any::<u32>(), any::<f32>(), 0..25_u8, any::<f32>()), 1..200),
         ) {
             let mut controller = running();
             for (count, current, action, position) in inputs {
@@ -568,17 +734,27 @@ mod tests {
                     2 => controller.request(Request::Step(Position(position))),
                     3 => controller.request(Request::Move(Position(position))),
                     4 => controller.request(Request::Commission),
+                    5 => controller.request(Request::Excite(Excitation {
+                        profile: &[i16::MAX, 10, i16::MIN, -200],
+                        unit: position,
+                        repetitions: 20,
+                        travel: current,
+                    })),
+                    6 => controller.request(Request::Excite(EXCITATION)),
                     _ => {}
                 }
                 // Plausible measurements mostly, so that the drive keeps running for a while.
-                let measurement = if action > 5 {
+                let measurement = if action > 7 {
                     measured(count % 2000, (current % 2.0) * 0.5)
                 } else {
                     measured(count, current)
                 };
                 let command = controller.step(measurement);
                 prop_assert!(command.current.0.abs() <= 2.0);
-                let may_act = matches!(controller.state(), State::Running | State::Commissioning);
+                let may_act = matches!(
+                    controller.state(),
+                    State::Running | State::Commissioning | State::Exciting
+                );
                 prop_assert!(may_act || !command.enable);
                 prop_assert!(command.enable || command.current.0 == 0.0);
                 let record = controller.telemetry();

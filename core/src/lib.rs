@@ -18,6 +18,7 @@
 //! | [`limits`] | limiting of the command | |
 //! | [`supervisor`] | states and faults of the drive | |
 //! | [`commissioning`] | a small motion that proves the signs | |
+//! | [`excitation`] | a current played in open loop, for identification | |
 //! | [`controller`] | the corridor: [`Controller::step`] | |
 //! | [`gains`] | plain data that a design fills in | |
 //! | [`telemetry`] | one record per step | |
@@ -47,6 +48,7 @@ pub mod commissioning;
 pub mod controller;
 pub mod disturbance;
 pub mod encoder;
+pub mod excitation;
 pub mod gains;
 pub mod indicator;
 pub mod limits;
@@ -58,6 +60,7 @@ pub mod telemetry;
 pub mod units;
 
 pub use controller::{Command, Controller, Measurement, Request};
+pub use excitation::Excitation;
 pub use gains::{Gains, GainsError};
 pub use indicator::Vibration;
 pub use supervisor::{Fault, State};

@@ -2,13 +2,14 @@
 //!
 //! ```text
 //! Idle --Commission--> Commissioning --signs proven--> Ready --Start--> Running --Stop--> Ready
+//! Idle, Ready --Excite--> Exciting --all played, Stop--> Idle
 //! any state --fault--> Fault --Stop--> Idle
 //! ```
 //!
-//! Current flows in `Commissioning` and `Running` alone. The loop is never closed before the signs
-//! of encoder and current have been proven since the last reset or fault. A fault is latched, takes effect in the period in which it
-//! is found, and is left only by an explicit `Stop`; a limit that merely acts (current limited)
-//! is no fault and shows in the telemetry.
+//! Current flows in `Commissioning`, `Exciting` and `Running` alone. The loop is never closed before
+//! the signs of encoder and current have been proven since the last reset, excitation or fault. A
+//! fault is latched, takes effect in the period in which it is found, and is left only by an explicit
+//! `Stop`; a limit that merely acts (current limited) is no fault and shows in the telemetry.
 
 /// A fault that stops the drive. The numbers are stable: they appear in logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,8 @@ pub enum Fault {
     NoMotion = 6,
     /// Commissioning: the actuator does not come to rest.
     NotAtRest = 7,
+    /// The actuator left the travel allowed to it.
+    Travel = 8,
 }
 
 impl Fault {
@@ -60,6 +63,8 @@ pub enum State {
     Idle,
     /// The signs are being proven.
     Commissioning,
+    /// A current profile is played in open loop.
+    Exciting,
     /// No current; the loop may be closed.
     Ready,
     /// The loop is closed.
@@ -81,9 +86,14 @@ impl Supervisor {
         self.state
     }
 
+    /// No current flows and no fault is latched.
+    fn resting(self) -> bool {
+        matches!(self.state, State::Idle | State::Ready)
+    }
+
     /// From idle or ready to commissioning; whether that happened.
     pub fn commission(&mut self) -> bool {
-        let resting = matches!(self.state, State::Idle | State::Ready);
+        let resting = self.resting();
         if resting {
             self.state = State::Commissioning;
         }
@@ -94,6 +104,22 @@ impl Supervisor {
     pub fn commissioned(&mut self) {
         if self.state == State::Commissioning {
             self.state = State::Ready;
+        }
+    }
+
+    /// From idle or ready to exciting; whether that happened.
+    pub fn excite(&mut self) -> bool {
+        let resting = self.resting();
+        if resting {
+            self.state = State::Exciting;
+        }
+        resting
+    }
+
+    /// All has been played. What it did to the machine is not known here: as after a reset.
+    pub fn excited(&mut self) {
+        if self.state == State::Exciting {
+            self.state = State::Idle;
         }
     }
 
@@ -110,7 +136,7 @@ impl Supervisor {
     pub fn stop(&mut self) {
         self.state = match self.state {
             State::Running | State::Ready => State::Ready,
-            State::Idle | State::Commissioning | State::Fault(_) => State::Idle,
+            State::Idle | State::Commissioning | State::Exciting | State::Fault(_) => State::Idle,
         };
     }
 
@@ -144,6 +170,35 @@ mod tests {
         supervisor.trip(Fault::EncoderJump);
         supervisor.stop();
         assert!(!supervisor.start());
+    }
+
+    #[test]
+    fn an_excitation_begins_at_rest_and_leaves_the_signs_unproven() {
+        let mut supervisor = Supervisor::default();
+        supervisor.excited();
+        assert!(supervisor.excite() && !supervisor.excite());
+        assert!(!supervisor.commission() && !supervisor.start());
+        supervisor.commissioned();
+        assert_eq!(supervisor.state(), State::Exciting);
+        supervisor.excited();
+        assert_eq!(supervisor.state(), State::Idle);
+
+        for end in [Supervisor::stop, Supervisor::excited] {
+            supervisor.commission();
+            assert!(!supervisor.excite());
+            supervisor.commissioned();
+            assert!(supervisor.excite());
+            end(&mut supervisor);
+            assert_eq!(supervisor.state(), State::Idle);
+        }
+        supervisor.commission();
+        supervisor.commissioned();
+        supervisor.start();
+        assert!(!supervisor.excite());
+        supervisor.excited();
+        assert_eq!(supervisor.state(), State::Running);
+        supervisor.trip(Fault::Travel);
+        assert!(!supervisor.excite());
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! | PA4 | current reference to the servo amplifier (DAC channel 1) |
 //! | PB12 | amplifier enable, high: enabled |
 //! | PC2 | run switch |
+//! | PC3 | excite switch |
 //! | PC0, PC1 | target switches, low and high bit |
 //!
 //! One file per peripheral. The only `unsafe` of the firmware is in here, each with its reason.
@@ -65,6 +66,7 @@ pub(crate) fn start(device: pac::Peripherals, core: cortex_m::Peripherals) -> Bo
         cycles: Cycles::new(core.DCB, core.DWT),
         inputs: Inputs::new(
             port_c.pc2.into_pull_down_input(),
+            port_c.pc3.into_pull_down_input(),
             port_c.pc0.into_pull_down_input(),
             port_c.pc1.into_pull_down_input(),
         ),

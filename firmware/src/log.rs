@@ -38,7 +38,10 @@ impl Log {
             self.lost = self.lost.saturating_add(record.step.wrapping_sub(expected));
         }
         self.expected = Some(record.step.wrapping_add(1));
-        self.vibration.update(record);
+        // Nothing is estimated in any other state.
+        if record.state == State::Running {
+            self.vibration.update(record);
+        }
         self.worst_cycles = self.worst_cycles.max(record.cycles);
 
         if record.state != self.state {
@@ -46,6 +49,7 @@ impl Log {
             match record.state {
                 State::Idle => defmt::info!("idle"),
                 State::Commissioning => defmt::info!("commissioning"),
+                State::Exciting => defmt::info!("exciting"),
                 State::Ready => defmt::info!("ready"),
                 State::Running => defmt::info!("running"),
                 State::Fault(fault) => {

@@ -7,8 +7,8 @@
 //!     switches -> requests into a queue; records out of the queue -> defmt over RTT
 //! ```
 //!
-//! The two share nothing but two lock-free queues. All that touches hardware is in [`board`], the
-//! gains are generated ([`gains`]), and what happens between encoder and current is
+//! The two share nothing but two lock-free queues. All that touches hardware is in [`board`], gains
+//! and excitation are generated ([`gains`], [`excitation`]), and what happens between encoder and current is
 //! `arso_core::Controller`, the same that the simulation runs.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
@@ -24,6 +24,8 @@ fn main() {}
 
 #[cfg(target_os = "none")]
 mod board;
+#[cfg(target_os = "none")]
+mod excitation;
 #[cfg(target_os = "none")]
 mod gains;
 #[cfg(target_os = "none")]

@@ -1,16 +1,27 @@
 //! The switches of the drive board, debounced, as requests to the drive.
 //!
-//! | run | target switches | |
-//! |---|---|---|
-//! | off | | stop |
-//! | on | any | first: prove the signs (commissioning), then start |
-//! | on | 0 | step to the origin |
-//! | on | 1 | step to 30 mm |
-//! | on | 2 | step to 15 mm |
-//! | on | 3 | jerk-limited move to 30 mm |
+//! | run | excite | target switches | |
+//! |---|---|---|---|
+//! | off | any | any | stop |
+//! | on | on when run is closed | any | play the excitation once |
+//! | on | off | any | first: prove the signs (commissioning), then start |
+//! | on | | 0 | step to the origin |
+//! | on | | 1 | step to 30 mm |
+//! | on | | 2 | step to 15 mm |
+//! | on | | 3 | jerk-limited move to 30 mm |
+//!
+//! The excite switch counts at the moment the run switch is closed; after an excitation the drive
+//! stays idle until the run switch has been opened and is closed again.
 
 use crate::board::Levels;
+use crate::excitation::{self, EXCITATION};
+use crate::gains::GAINS;
 use arso_core::{Position, Request, State};
+
+const _: () = assert!(
+    excitation::SAMPLE_TIME == GAINS.sample_time,
+    "excitation and gains are made for different control periods"
+);
 
 /// Control periods for which the switches must agree before they count.
 const DEBOUNCE: u8 = 10;
@@ -29,6 +40,7 @@ pub(crate) struct Switches {
 enum Asked {
     #[default]
     Nothing,
+    Excite,
     Commission,
     Start,
 }
@@ -55,6 +67,10 @@ impl Switches {
             return [None, None];
         }
         match (state, self.asked) {
+            (State::Idle | State::Ready, Asked::Nothing) if self.settled.excite => {
+                self.asked = Asked::Excite;
+                [Some(Request::Excite(EXCITATION)), None]
+            }
             (State::Idle, Asked::Nothing) => {
                 self.asked = Asked::Commission;
                 [Some(Request::Commission), None]

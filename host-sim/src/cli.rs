@@ -6,6 +6,7 @@
 mod capture;
 mod compare;
 mod design;
+mod excite;
 mod identify;
 mod paper;
 mod simulate;
@@ -34,6 +35,8 @@ enum Command {
     Compare(compare::CompareCommand),
     /// Identify masses, springs and friction from a log.
     Identify(identify::IdentifyCommand),
+    /// Form the current that the drive plays to be identified.
+    Excite(excite::ExciteCommand),
     /// Show what the gains printed in the paper do.
     Paper(paper::PaperCommand),
     /// Simulate experiments on a drive (what the program does without a command).
@@ -52,6 +55,7 @@ impl Cli {
             Some(Command::Capture(command)) => command.run(),
             Some(Command::Compare(command)) => command.run(),
             Some(Command::Identify(command)) => command.run(),
+            Some(Command::Excite(command)) => command.run(),
             Some(Command::Paper(command)) => command.run(),
             Some(Command::Simulate(command)) => command.run(),
         }

@@ -18,6 +18,7 @@ pub mod corridor;
 pub mod design;
 pub mod drive;
 pub mod error;
+pub mod excite;
 pub mod identify;
 pub mod metrics;
 pub mod model;

@@ -100,11 +100,15 @@ fn every_control_step_is_in_the_log() {
         }
     }
 
-    let csv = String::from_utf8(log::csv(&capture, 1e-3).unwrap()).unwrap();
+    let csv = String::from_utf8(log::csv(&capture, 1e-3, drive.kind).unwrap()).unwrap();
     assert!(csv.starts_with("time[s],step[1],state[name],"));
     assert!(csv.lines().next().unwrap().contains("load3_velocity[m/s]"));
     assert_eq!(csv.lines().count(), capture.records.len() + 1);
-    assert!(log::plot(&capture, 1e-3).unwrap().ends_with("</svg>\n"));
+    assert!(
+        log::plot(&capture, 1e-3, drive.kind)
+            .unwrap()
+            .ends_with("</svg>\n")
+    );
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 use arso_tests::virtual_board::bus::Patch;
 use arso_tests::virtual_board::image::Image;
-use arso_tests::virtual_board::rig::Wiring;
+use arso_tests::virtual_board::rig::{Switches, Wiring};
 use arso_tests::virtual_board::{Board, Rig, Stop};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
@@ -181,7 +181,7 @@ fn wrong_wiring_stops_the_drive() {
     for (what, wiring) in wirings {
         let mut rig = start(|_| {}).unwrap();
         rig.wiring = wiring;
-        rig.switches(true, 1);
+        rig.switches(Switches::run(1));
         let periods = rig.periods(3000).unwrap();
         assert!(periods.iter().any(|period| period.enabled), "{what}");
         assert!(!periods.last().unwrap().enabled, "{what}");
@@ -210,9 +210,9 @@ fn the_amplifier_is_off_unless_asked() {
             .all(|period| !period.enabled && period.code == Some(2048))
     );
     rig.commission().unwrap();
-    rig.switches(true, 1);
+    rig.switches(Switches::run(1));
     rig.periods(100).unwrap();
-    rig.switches(false, 1);
+    rig.switches(Switches::default());
     let stopped = rig.periods(30).unwrap();
     assert!(!stopped.last().unwrap().enabled);
     assert_eq!(stopped.last().unwrap().code, Some(2048));
@@ -224,7 +224,7 @@ fn the_amplifier_is_off_unless_asked() {
 fn a_processor_fault_switches_the_amplifier_off() {
     let mut rig = start(|_| {}).unwrap();
     rig.commission().unwrap();
-    rig.switches(true, 1);
+    rig.switches(Switches::run(1));
     let moving = rig.periods(40).unwrap().pop().unwrap();
     assert!(moving.enabled && moving.code != Some(2048));
     let before = rig.board.instructions();

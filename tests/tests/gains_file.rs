@@ -1,10 +1,13 @@
-//! The gains in the firmware are those of the default drive.
+//! The gains and the excitation in the firmware are those of the default drive.
 
 use host_sim::corridor::gains_source;
 use host_sim::design::Design;
 use host_sim::drive::{DEFAULT_NAME, Drive};
+use host_sim::excite::{Play, Wish, source};
 
-// The firmware's own file: that it compiles against the core is part of the test.
+// The firmware's own files: that they compile against the core is part of the test.
+#[path = "../../firmware/src/excitation.rs"]
+mod excitation;
 #[path = "../../firmware/src/gains.rs"]
 mod gains;
 
@@ -21,4 +24,19 @@ fn the_firmware_has_the_gains_of_the_default_drive() {
         gains::GAINS,
         design.gains::<{ gains::LOADS }, { gains::STATES }>()
     );
+}
+
+#[test]
+fn the_firmware_has_the_excitation_of_the_default_drive() {
+    let drive = Drive::default_drive();
+    let play = Play::new(&drive, &Wish::default()).unwrap();
+    let current = include_str!("../../firmware/src/excitation.rs");
+    assert!(
+        source(&play, &drive, DEFAULT_NAME) == current,
+        "firmware/src/excitation.rs is not what the default drive is excited with: \
+         run `cargo run --release -- excite --rust firmware/src/excitation.rs`"
+    );
+    assert_eq!(excitation::EXCITATION.profile, play.table);
+    assert_eq!(excitation::EXCITATION.repetitions, play.repetitions);
+    assert_eq!(excitation::SAMPLE_TIME, gains::GAINS.sample_time);
 }

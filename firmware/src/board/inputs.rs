@@ -8,21 +8,35 @@ use stm32f4xx_hal::gpio::{Input, gpioc};
 pub(crate) struct Levels {
     /// The drive is to run.
     pub(crate) run: bool,
+    /// A run plays the excitation instead of closing the loop.
+    pub(crate) excite: bool,
     /// Which target, 0 to 3.
     pub(crate) target: u8,
 }
 
-/// Run switch and both bits of the target switches.
-pub(crate) struct Inputs<Run = gpioc::PC2<Input>, Low = gpioc::PC0<Input>, High = gpioc::PC1<Input>>
-{
+/// Run switch, excite switch and both bits of the target switches.
+pub(crate) struct Inputs<
+    Run = gpioc::PC2<Input>,
+    Excite = gpioc::PC3<Input>,
+    Low = gpioc::PC0<Input>,
+    High = gpioc::PC1<Input>,
+> {
     run: Run,
+    excite: Excite,
     low: Low,
     high: High,
 }
 
-impl<Run: InputPin, Low: InputPin, High: InputPin> Inputs<Run, Low, High> {
-    pub(super) fn new(run: Run, low: Low, high: High) -> Self {
-        Self { run, low, high }
+impl<Run: InputPin, Excite: InputPin, Low: InputPin, High: InputPin>
+    Inputs<Run, Excite, Low, High>
+{
+    pub(super) fn new(run: Run, excite: Excite, low: Low, high: High) -> Self {
+        Self {
+            run,
+            excite,
+            low,
+            high,
+        }
     }
 
     /// Levels now; an input that cannot be read counts as off.
@@ -31,6 +45,7 @@ impl<Run: InputPin, Low: InputPin, High: InputPin> Inputs<Run, Low, High> {
         let high = self.high.is_high().unwrap_or(false);
         Levels {
             run: self.run.is_high().unwrap_or(false),
+            excite: self.excite.is_high().unwrap_or(false),
             target: u8::from(low) | u8::from(high) << 1,
         }
     }

@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 /// Runs the firmware that is flashed, unmodified, on an emulated drive board: it proves its signs,
-/// then makes one experiment.
+/// then makes one experiment, or it plays its excitation.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Cli {
@@ -35,10 +35,13 @@ struct Cli {
     /// Control periods of the experiment.
     #[arg(long, default_value_t = 1200, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     periods: u32,
+    /// Play the excitation instead.
+    #[arg(long, conflicts_with_all = ["scenario", "periods"])]
+    excite: bool,
     /// Write what the firmware logged, a raw defmt stream.
     #[arg(long, value_name = "FILE")]
     rtt: Option<PathBuf>,
-    /// Print every control period of the experiment as CSV.
+    /// Print every control period of the experiment, or of the excitation, as CSV.
     #[arg(long, conflicts_with = "json")]
     csv: bool,
     /// Print the summary as JSON.
@@ -81,9 +84,15 @@ impl Cli {
         let stopped = |stop: Stop| Error::Simulation(stop.to_string());
         let start = Instant::now();
         let mut rig = Rig::start(&image, &drive, &plant, |_| {}).map_err(stopped)?;
-        let result = rig
-            .commission()
-            .and_then(|()| rig.experiment(scenario, &plant, self.periods));
+        let (title, result) = if self.excite {
+            ("excitation: current in open loop".to_owned(), rig.excite())
+        } else {
+            let result = rig.commission();
+            (
+                format!("{}: {}", scenario.name, scenario.title(drive.kind)),
+                result.and_then(|()| rig.experiment(scenario, &plant, self.periods)),
+            )
+        };
         let elapsed = start.elapsed().as_secs_f64();
         if let Some(path) = &self.rtt {
             write_file(path, &rig.log)?;
@@ -120,15 +129,13 @@ impl Cli {
             return print(&format!("{summary:#}\n"));
         }
         print(&format!(
-            "{}: {}\n\
+            "{title}\n\
              control steps            {} ({:.0} per second of this machine)\n\
              instructions per step    {:.0} on average, {} at most\n\
              cycles per step          {:.0} on average, {} at most (estimate, see timing.rs)\n\
              stack                    {stack} of {stack_size} bytes used\n\
              log                      {rate:.0} bytes/s, {} records, {} lost, {} damaged frames\n\
              positions at the end     {} mm\n",
-            scenario.name,
-            scenario.title(drive.kind),
             cost.runs,
             cost.runs as f64 / elapsed,
             mean(cost.instructions),

@@ -48,6 +48,8 @@ pub enum Stop {
     ResetRequested,
     /// The drive does not come to hold its load though it is asked to.
     NotCommissioned,
+    /// The drive does not play its excitation though it is asked to, or does not end it.
+    NotExcited,
     /// Registers after an exception differ from those before it.
     RegistersDamaged {
         /// Where the exception was taken.
@@ -83,6 +85,7 @@ impl fmt::Display for Stop {
             Stop::WatchdogReset => f.write_str("the watchdog was not fed in time"),
             Stop::ResetRequested => f.write_str("the firmware asked for a reset"),
             Stop::NotCommissioned => f.write_str("the drive does not close its loop"),
+            Stop::NotExcited => f.write_str("the drive does not play its excitation"),
             Stop::RegistersDamaged { pc } => {
                 write!(
                     f,

@@ -8,6 +8,7 @@ use super::image::Image;
 use super::peripheral::encoder_timer::Phases;
 use super::rtt::Rtt;
 use host_sim::drive::{Drive, PlantFile};
+use host_sim::excite::LONGEST_PLAY;
 use host_sim::plant::Plant;
 use host_sim::scenario::{Kind, Scenario};
 
@@ -45,9 +46,43 @@ const SETTLED: u32 = 50;
 /// Counts per period at which the machine is carried to its start.
 const CARRY: u64 = 4000;
 
-/// Switches of the board.
+/// Pins of the switches.
 const RUN: u32 = 2;
+const EXCITE: u32 = 3;
 const TARGET: [u32; 2] = [0, 1];
+
+/// Where the switches of the board stand; all open by default.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Switches {
+    /// The drive is to run.
+    pub run: bool,
+    /// A run plays the excitation.
+    pub excite: bool,
+    /// Which target, 0 to 3.
+    pub target: u32,
+}
+
+impl Switches {
+    /// The drive is to run to a target.
+    #[must_use]
+    pub fn run(target: u32) -> Self {
+        Self {
+            run: true,
+            excite: false,
+            target,
+        }
+    }
+
+    /// The drive is to play its excitation.
+    #[must_use]
+    pub fn excite() -> Self {
+        Self {
+            run: true,
+            excite: true,
+            target: 0,
+        }
+    }
+}
 
 /// Board and machine.
 pub struct Rig {
@@ -110,9 +145,15 @@ impl Rig {
     }
 
     /// Sets the switches.
-    pub fn switches(&mut self, run: bool, target: u32) {
+    pub fn switches(&mut self, switches: Switches) {
+        let Switches {
+            run,
+            excite,
+            target,
+        } = switches;
         let port = &mut self.board.bus_mut().ports[2];
         port.set_level(RUN, run);
+        port.set_level(EXCITE, excite);
         for (bit, pin) in TARGET.into_iter().enumerate() {
             port.set_level(pin, target >> bit & 1 == 1);
         }
@@ -177,9 +218,9 @@ impl Rig {
     /// # Errors
     /// Whatever stops the firmware; [`Stop::NotCommissioned`] when the drive does not come to hold.
     pub fn commission(&mut self) -> Result<(), Stop> {
-        self.switches(true, 0);
+        self.switches(Switches::run(0));
         let last = self.periods(COMMISSIONING)?.pop();
-        self.switches(false, 0);
+        self.switches(Switches::default());
         self.periods(SETTLED)?;
         match last {
             Some(period) if period.enabled => Ok(()),
@@ -220,7 +261,7 @@ impl Rig {
             (Kind::Step, 0.015) => 2,
             (Kind::Step, _) => 0,
         };
-        self.switches(true, target);
+        self.switches(Switches::run(target));
         // The period in which the drive starts; its target comes in the next.
         let mut waited = 0;
         while !self.period()?.enabled {
@@ -231,9 +272,39 @@ impl Rig {
         }
         self.held = false;
         let done = self.periods(periods)?;
-        self.switches(false, target);
+        self.switches(Switches::default());
         self.periods(SETTLED)?;
         Ok(done)
+    }
+
+    /// Plays the excitation to its end, or to the fault that ends it, from where the machine is, and
+    /// opens the switches. Returns what the board did in each period of the play, the amplifier being
+    /// enabled.
+    ///
+    /// # Errors
+    /// Whatever stops the firmware; [`Stop::NotExcited`] when the play does not begin or does not end.
+    pub fn excite(&mut self) -> Result<Vec<Period>, Stop> {
+        self.switches(Switches::excite());
+        let mut waited = 0;
+        let mut period = self.period()?;
+        while !period.enabled {
+            waited += 1;
+            if waited > SETTLED {
+                return Err(Stop::NotExcited);
+            }
+            period = self.period()?;
+        }
+        let mut played = Vec::new();
+        while period.enabled {
+            played.push(period);
+            if played.len() > LONGEST_PLAY {
+                return Err(Stop::NotExcited);
+            }
+            period = self.period()?;
+        }
+        self.switches(Switches::default());
+        self.periods(SETTLED)?;
+        Ok(played)
     }
 
     /// Turns the encoder towards where the actuator is, edge by edge, evenly over the period and by

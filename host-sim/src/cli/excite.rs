@@ -1,0 +1,120 @@
+//! `host-sim excite`: the current that the drive plays to be identified.
+
+use crate::drive::{DEFAULT_NAME, Drive};
+use crate::error::Result;
+use crate::excite::{Play, Signal, Wish, csv, source};
+use crate::output::{print, write_file};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Form the excitation that the drive plays in open loop, for identification.
+#[derive(Debug, Args)]
+#[command(allow_negative_numbers = true)]
+pub(super) struct ExciteCommand {
+    /// Description of the drive; the paper's rig when not given.
+    drive: Option<PathBuf>,
+    /// Which signal.
+    #[arg(long, value_enum, default_value_t)]
+    kind: Signal,
+    /// Peak current; half of the current limit when not given.
+    #[arg(long, value_name = "A")]
+    current: Option<f64>,
+    /// Farthest the actuator may get from where it begins; four times the travel predicted when not
+    /// given. The current is reduced until half of it is enough.
+    #[arg(long, value_name = "M")]
+    travel: Option<f64>,
+    /// Lower end of the band; 0.2 times the slowest mode when not given.
+    #[arg(long, value_name = "HZ")]
+    from: Option<f64>,
+    /// Upper end of the band; 1.5 times the fastest mode when not given, at most 0.4 / sample time.
+    #[arg(long, value_name = "HZ")]
+    to: Option<f64>,
+    /// Period; 2.048 s when not given, or longer to hold the lower end of the band four times.
+    #[arg(long, value_name = "S")]
+    period: Option<f64>,
+    /// How often the period is played.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = Wish::default().repetitions,
+        value_parser = clap::value_parser!(u16).range(1..)
+    )]
+    repeat: u16,
+    /// Write the excitation as Rust source for the firmware.
+    #[arg(long, value_name = "PATH")]
+    rust: Option<PathBuf>,
+    /// Print every control period as CSV and write no CSV file.
+    #[arg(long)]
+    csv: bool,
+    /// Where the CSV file goes.
+    #[arg(long, value_name = "DIR", default_value = "target/host-sim")]
+    out: PathBuf,
+}
+
+impl ExciteCommand {
+    pub(super) fn run(self) -> Result<()> {
+        let drive = Drive::load(self.drive.as_deref())?;
+        let play = Play::new(
+            &drive,
+            &Wish {
+                signal: self.kind,
+                current: self.current,
+                travel: self.travel,
+                from: self.from,
+                to: self.to,
+                period: self.period,
+                repetitions: self.repeat,
+            },
+        )?;
+        let name = self.drive.as_ref().and_then(|path| path.file_name());
+        let origin = name.map_or(DEFAULT_NAME.into(), |name| name.to_string_lossy());
+        if let Some(path) = &self.rust {
+            write_file(path, source(&play, &drive, &origin).as_bytes())?;
+        }
+        if let Some(current) = play.reduced_from {
+            eprintln!(
+                "warning: the travel of {} {} allows {:.3} A instead of {current:.3} A",
+                play.travel,
+                drive.kind.units().position,
+                play.peak()
+            );
+        }
+        if self.csv {
+            return print(&csv(&play));
+        }
+        let path = self.out.join("excitation.csv");
+        write_file(&path, csv(&play).as_bytes())?;
+        let mut text = format!("drive: {origin}\n{}", summary(&play, &drive));
+        if let Some(path) = &self.rust {
+            text += &format!("Rust source: {}\n", path.display());
+        }
+        text += &format!("CSV of every control period: {}\n", path.display());
+        print(&text)
+    }
+}
+
+fn summary(play: &Play, drive: &Drive) -> String {
+    let [from, to] = play.band();
+    let milli = drive.kind.units().milli_position;
+    let prediction = &play.prediction;
+    format!(
+        "signal              {}, {} lines from {from:.3} to {to:.3} Hz\n\
+         duration            {} x {:.3} s = {:.3} s, {} control periods each\n\
+         current             {:.3} A peak, {:.3} A rms\n\
+         predicted travel    {:.3} {milli} ({:.0} counts), at most {:.3} {milli} allowed\n\
+         predicted stretch   {:.3} {milli} at most, of spring {}\n",
+        play.signal.name(),
+        play.lines.len(),
+        play.repetitions,
+        play.period(),
+        play.duration(),
+        play.table.len(),
+        play.peak(),
+        play.rms(),
+        1e3 * prediction.travel,
+        prediction.travel / drive.encoder.resolution,
+        1e3 * play.travel,
+        1e3 * prediction.stretch,
+        prediction.spring,
+    )
+}
