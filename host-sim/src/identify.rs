@@ -79,6 +79,9 @@ pub struct Identification {
 
 /// How far the densities of noise may be from their first guess, as logarithms.
 const RANGE: f64 = 10.0;
+/// Standard deviation of the quantities before the log is seen: a factor of e to either side of the
+/// drive file, a tenth of the motor's force for friction. Against what a log says this weighs nothing.
+const ROUGH: f64 = 1.0;
 /// Standard deviation of the noise's logarithms and the origin's counts before the log is seen.
 const VAGUE: f64 = 5.0;
 /// Samples of the log that tell starts apart.
@@ -126,6 +129,7 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
     };
     // Bounded: beyond this the filter is a simulation, or follows every count.
     let bounded = |x: f64| RANGE * (x / RANGE).tanh();
+    let nominal = parameters.coordinates(parameters.start());
     let residuals_of = |log: &Log, x: &[f64]| -> Option<Vec<f64>> {
         let noise = Noise {
             force: guess.force + bounded(x[free]),
@@ -135,7 +139,9 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
         let innovations = innovations(log, &machine, noise, (x[free + 2], resolution));
         // A step of the search that cannot be judged is a bad one, not the end.
         let mut residuals = innovations.unwrap_or_else(|| vec![1e6; log.current.len()]);
-        // Where the log says nothing of the noise or the origin, they stay near the guess.
+        // Where the log says nothing, the drive file and the guess of the noise stand.
+        let quantities = x[..free].iter().zip(&nominal);
+        residuals.extend(quantities.map(|(x, nominal)| (x - nominal) / ROUGH));
         residuals.extend(x[free..].iter().map(|x| x / VAGUE));
         Some(residuals)
     };
@@ -177,9 +183,11 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
         .map(|(quantity, held)| {
             let index = free_quantities.iter().position(|free| free == quantity);
             let deviation = index.map_or(0.0, |i| covariance[(i, i)].max(0.0).sqrt());
+            // Friction that is zero within its deviation may be found just below; it cannot be.
+            let value = parameters.value(&machine, *quantity).max(0.0);
             Identified {
                 quantity: *quantity,
-                value: parameters.value(&machine, *quantity),
+                value,
                 std: deviation * parameters.slope(&machine, *quantity),
                 held: *held,
                 before: parameters.value(parameters.start(), *quantity),

@@ -1,8 +1,10 @@
 //! The start of an identification: least squares on the frequency response.
 //!
-//! The response of the actuator's acceleration to the current is estimated from the log (Welch's method:
-//! overlapping windowed pieces, cross spectrum over power spectrum) and compared with that of the
-//! model in logarithm and phase, where a resonance in the wrong place still shows which way to go.
+//! The response of the actuator's acceleration to the current is estimated from the log as cross
+//! spectrum over power spectrum: of whole periods where the current repeats, which keeps neighbouring
+//! frequencies apart exactly, or else of overlapping windowed pieces (Welch's method). It is compared
+//! with that of the model in logarithm and phase, where a resonance in the wrong place still shows
+//! which way to go.
 //!
 //! What the actuator feels of the chain is a continued fraction, from the last mass inwards:
 //!
@@ -13,9 +15,12 @@
 
 use super::least_squares::fit;
 use super::log::Log;
-use super::parameters::{Machine, Parameters};
+use super::parameters::{Machine, Parameters, Quantity};
 use crate::model::Chain;
 use nalgebra::Complex;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 use realfft::RealFftPlanner;
 use std::f64::consts::{PI, TAU};
 
@@ -32,20 +37,43 @@ pub struct Point {
     pub coherence: f64,
 }
 
-/// Pieces that the log is cut into, each overlapping the next by half.
+/// Pieces that a log without period is cut into, each overlapping the next by half.
 const PIECES: usize = 4;
+/// The shortest period that a current can have, samples.
+const SHORTEST: usize = 64;
 /// Coherence below which a frequency is left out.
 const COHERENT: f64 = 0.7;
 /// Power of the current below which a frequency counts as not excited, over the largest.
-const EXCITED: f64 = 1e-5;
+const EXCITED: f64 = 1e-3;
+
+/// Period of a current that repeats itself at least once, samples.
+fn period(current: &[f64]) -> Option<usize> {
+    let samples = current.len();
+    (SHORTEST..=samples / 2).find(|period| current[..samples - period] == current[*period..])
+}
 
 /// Frequency response of a log, at the frequencies where the current explains the motion.
 #[must_use]
 pub fn response(log: &Log) -> Vec<Point> {
     let samples = log.current.len();
-    let length = 2 * samples / (PIECES + 1);
+    let repeats = period(&log.current);
+    // The first period begins at rest and is left out where there are others.
+    let (length, starts): (usize, Vec<usize>) = match repeats {
+        Some(length) => {
+            let periods = samples / length;
+            let first = usize::from(periods > 2);
+            (length, (first..periods).map(|k| k * length).collect())
+        }
+        None => {
+            let length = 2 * samples / (PIECES + 1);
+            (length, (0..PIECES).map(|k| k * length / 2).collect())
+        }
+    };
     let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let window = |i: usize| 0.5 - 0.5 * (TAU * i as f64 / length as f64).cos();
+    let window = |i: usize| match repeats {
+        Some(_) => 1.0,
+        None => 0.5 - 0.5 * (TAU * i as f64 / length as f64).cos(),
+    };
     let spectrum = |signal: &dyn Fn(usize) -> f64, from: usize| {
         let mean = (0..length).map(|i| signal(from + i)).sum::<f64>() / length as f64;
         let mut piece: Vec<f64> = (0..length)
@@ -67,8 +95,7 @@ pub fn response(log: &Log) -> Vec<Point> {
     let bins = length / 2 + 1;
     let (mut cross, mut of_current, mut of_motion) =
         (vec![C::from(0.0); bins], vec![0.0; bins], vec![0.0; bins]);
-    for piece in 0..PIECES {
-        let from = piece * length / 2;
+    for from in starts {
         let (u, y) = (spectrum(&current, from), spectrum(&acceleration, from));
         for bin in 0..bins {
             let (u, y) = (C::new(u[bin].re, u[bin].im), C::new(y[bin].re, y[bin].im));
@@ -79,7 +106,8 @@ pub fn response(log: &Log) -> Vec<Point> {
     }
     let largest = of_current.iter().copied().fold(0.0, f64::max);
     // The lowest bins are the window's, the highest those of rounding.
-    (3..bins * 4 / 5)
+    let lowest = if repeats.is_some() { 1 } else { 3 };
+    (lowest..bins * 4 / 5)
         .filter(|bin| of_current[*bin] > EXCITED * largest && of_motion[*bin] > 0.0)
         .map(|bin| Point {
             omega: TAU * bin as f64 / (length as f64 * log.period),
@@ -112,14 +140,24 @@ pub fn model_response(chain: &Chain, omega: f64, period: f64) -> C {
     position * held * (turn - 2.0 + turn.conj()) / (period * period)
 }
 
-/// Factors on all stiffnesses, and on all dampings, that a start is tried from.
-const STIFFNESS: [f64; 7] = [0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8];
-/// How far the drive file is trusted, as a standard deviation of logarithms: keeps what the response
-/// does not show where the user put it.
-const PRIOR: f64 = 1.0;
+/// Starts of this search: the drive file, and others drawn around it as it is trusted, always the same.
+const TRIES: usize = 48;
+const SEED: u64 = 1;
+/// How far the drive file is trusted here, as standard deviations of logarithms (masses, stiffnesses,
+/// dampings; friction in tenths of the motor's force): a user knows masses best. Keeps the fit from
+/// explaining a mode by a mass that vanishes.
+const PRIOR: [f64; 3] = [0.2, 0.5, 1.0];
+fn trust(quantity: Quantity) -> f64 {
+    match quantity {
+        Quantity::ActuatorMass | Quantity::ForceConstant | Quantity::Mass(_) => PRIOR[0],
+        Quantity::Stiffness(_) => PRIOR[1],
+        _ => PRIOR[2],
+    }
+}
+
 /// Standard deviation of logarithm and phase at a fully coherent frequency, and of a phase against
 /// a logarithm: phases jump by half a turn at each resonance.
-const DEVIATION: f64 = 0.05;
+const DEVIATION: f64 = 0.1;
 const PHASE: f64 = 0.3;
 
 /// Machines that fit the response, the best first, at most `count`.
@@ -142,21 +180,29 @@ pub(super) fn starts(
             residuals.push(ratio.re / deviation);
             residuals.push(PHASE * phase / deviation);
         }
-        let prior = x
-            .iter()
-            .zip(&nominal)
-            .map(|(x, nominal)| (x - nominal) / PRIOR);
-        residuals.extend(prior);
+        for ((quantity, x), nominal) in parameters.free().zip(x).zip(&nominal) {
+            residuals.push((x - nominal) / trust(quantity));
+        }
         residuals.iter().all(|r| r.is_finite()).then_some(residuals)
     };
-    let mut fits: Vec<_> = STIFFNESS
-        .iter()
-        .map(|factor| {
-            let mut machine = parameters.start().clone();
-            for stiffness in &mut machine.chain.stiffness {
-                *stiffness *= factor;
-            }
-            fit(&residuals, &parameters.coordinates(&machine), 1e-6)
+    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+    let mut fits: Vec<_> = (0..TRIES)
+        .map(|attempt| {
+            let mut drawn = |quantity: Quantity, x: f64| {
+                // Uniform with the standard deviation of the trust.
+                let uniform = random.random_range(-1.0..1.0) * 3.0_f64.sqrt();
+                if attempt == 0 || !quantity.positive() {
+                    x
+                } else {
+                    x + uniform * trust(quantity)
+                }
+            };
+            let start: Vec<f64> = parameters
+                .free()
+                .zip(&nominal)
+                .map(|(quantity, x)| drawn(quantity, *x))
+                .collect();
+            fit(&residuals, &start, 1e-4)
         })
         .filter(|fit| fit.cost.is_finite())
         .collect();

