@@ -255,7 +255,7 @@ impl Drive {
     /// Reads a drive file, or the embedded default where none is given.
     ///
     /// # Errors
-    /// [`Error::Read`] or [`Error::Input`].
+    /// [`Error::Read`](crate::error::Error::Read) or [`Error::Input`](crate::error::Error::Input).
     pub fn load(path: Option<&Path>) -> Result<Self> {
         match path {
             None => Self::parse(DEFAULT_DRIVE, DEFAULT_NAME),
@@ -267,7 +267,7 @@ impl Drive {
     /// * `name`: of the file, for messages
     ///
     /// # Errors
-    /// [`Error::Input`].
+    /// [`Error::Input`](crate::error::Error::Input).
     pub fn parse(text: &str, name: &str) -> Result<Self> {
         let (source, raw) = Source::open(text, name)?;
         if let Some(force) = raw.force.first() {
@@ -313,7 +313,7 @@ impl PlantFile {
     /// nothing.
     ///
     /// # Errors
-    /// [`Error::Read`] or [`Error::Input`].
+    /// [`Error::Read`](crate::error::Error::Read) or [`Error::Input`](crate::error::Error::Input).
     pub fn load(path: &Path) -> Result<Self> {
         Self::parse(&read(path)?, &path.display().to_string())
     }
@@ -322,7 +322,7 @@ impl PlantFile {
     /// * `name`: of the file, for messages
     ///
     /// # Errors
-    /// [`Error::Input`].
+    /// [`Error::Input`](crate::error::Error::Input).
     pub fn parse(text: &str, name: &str) -> Result<Self> {
         let (source, raw) = Source::open(text, name)?;
         let actuator = source.actuator(&raw.actuator)?;

@@ -165,7 +165,29 @@ impl Chain {
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>> {
     let schur = nalgebra::Schur::try_new(matrix.clone(), f64::EPSILON, 10_000)
         .ok_or_else(|| Error::Design("an eigenvalue iteration did not converge".into()))?;
-    Ok(schur.complex_eigenvalues().iter().copied().collect())
+    // Read off the blocks on the diagonal here: the crate's own reading takes the root of a negative
+    // number where rounding makes a real pair of what stands in one block.
+    let (_, t) = schur.unpack();
+    let n = t.nrows();
+    let mut eigenvalues = Vec::with_capacity(n);
+    let mut i = 0;
+    while i < n {
+        if i + 1 == n || t[(i + 1, i)] == 0.0 {
+            eigenvalues.push(Complex::from(t[(i, i)]));
+            i += 1;
+            continue;
+        }
+        let mean = 0.5 * (t[(i, i)] + t[(i + 1, i + 1)]);
+        let half = 0.5 * (t[(i, i)] - t[(i + 1, i + 1)]);
+        let root = Complex::from(half * half + t[(i, i + 1)] * t[(i + 1, i)]).sqrt();
+        eigenvalues.extend([root + mean, -root + mean]);
+        i += 2;
+    }
+    if eigenvalues.iter().all(|value| value.is_finite()) {
+        Ok(eigenvalues)
+    } else {
+        Err(Error::Design("an eigenvalue is not finite".into()))
+    }
 }
 
 /// Smallest distance between two of the eigenvalues, relative to the largest of them.
@@ -220,6 +242,25 @@ mod tests {
         let omega = 400.0_f64.sqrt();
         assert!((mode.frequency_hz * std::f64::consts::TAU - omega).abs() < 1e-9);
         assert!((mode.damping_ratio - 0.8 / (2.0 * omega)).abs() < 1e-12);
+    }
+
+    /// A double pole: rounding may make a real pair in one block of it, which must not become a root of
+    /// something negative. Two lags of the same rate in a row, at many rates.
+    #[test]
+    fn double_eigenvalues_are_found() {
+        for k in 1..2000 {
+            let rate = f64::from(k) * 0.037;
+            #[rustfmt::skip]
+            let lags = DMatrix::from_row_slice(3, 3, &[
+                -rate, 0.0, rate,
+                rate, -rate, 0.0,
+                0.0, 0.0, 0.0,
+            ]);
+            for value in eigenvalues(&lags).unwrap() {
+                let distance = value.norm().min((value + rate).norm());
+                assert!(distance < 1e-6 * rate, "{rate}: {value}");
+            }
+        }
     }
 
     /// The paper's matrix of section IV, entry by entry, for equal springs and dampers.

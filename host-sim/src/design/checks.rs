@@ -158,7 +158,7 @@ fn observability(design: &Design) -> Result<Check> {
     let c = RowDVector::from_fn(n, |_, j| c[j] * unit[j] / stiffness);
     let (mut value, mut worst) = (f64::INFINITY, Complex::new(0.0, 0.0));
     for pole in eigenvalues(&scaled)? {
-        let mut pbh = DMatrix::zeros(n + 1, n);
+        let mut pbh = DMatrix::<Complex<f64>>::zeros(n + 1, n);
         for i in 0..n {
             for j in 0..n {
                 let diagonal = if i == j { pole } else { Complex::new(0.0, 0.0) };

@@ -48,7 +48,7 @@ impl ObserverDesign {
 /// * `regulator_decay`: of the regulator's slowest pole, 1/s
 ///
 /// # Errors
-/// [`Error::Design`](crate::error::Error::Design) when the Riccati equation has no solution or
+/// [`Error::Design`] when the Riccati equation has no solution or
 /// the observer is not stable.
 pub fn design(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<ObserverDesign> {
     match drive.control.observer {

@@ -16,11 +16,11 @@ use nalgebra::{DMatrix, DVector, RowDVector};
 /// Densities of the random force, N/√Hz, and of the wandering force, N/√s, over the standard deviation
 /// of the measurement in m, as logarithms.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Noise {
+pub(super) struct Noise {
     /// Of the random force.
-    pub force: f64,
+    pub(super) force: f64,
     /// Of the wandering force.
-    pub wander: f64,
+    pub(super) wander: f64,
 }
 
 /// Parts of a period in which friction is resolved where the actuator may stick.

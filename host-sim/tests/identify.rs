@@ -1,0 +1,330 @@
+//! `host-sim identify` as the user runs it: what it finds, and what it refuses, each with its sentence.
+
+use assert_cmd::Command;
+use host_sim::drive::{Drive, Friction, PlantFile};
+use host_sim::excite::{Play, Wish};
+use host_sim::plant::Plant;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+const DRIVE: &str = include_str!("../drive.toml");
+
+/// Runs and returns exit code, standard output, standard error.
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
+        .args(arguments)
+        .output()
+        .unwrap();
+    (
+        output.status.code().unwrap(),
+        String::from_utf8(output.stdout).unwrap(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+/// A log of the plant under some current, as a drive would write it.
+fn log(plant: &PlantFile, currents: impl IntoIterator<Item = f64>) -> String {
+    let mut machine = Plant::new(plant, 1e-3);
+    let mut text = String::from("time[s],count[1],applied_current[A]\n0,0,0\n");
+    for (k, current) in (1..).zip(currents) {
+        machine.advance(current).unwrap();
+        let time = f64::from(k) * 1e-3;
+        writeln!(text, "{time:.3},{},{current}", machine.count()).unwrap();
+    }
+    text
+}
+
+fn excitation(drive: &Drive) -> Vec<f64> {
+    let play = Play::new(drive, &Wish::default()).unwrap();
+    play.currents().map(f64::from).collect()
+}
+
+/// Identifies from a text; returns exit code, output and the error without the directory.
+fn identify(log: &str, arguments: &[&str]) -> (i32, String, String) {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("log.csv");
+    fs::write(&path, log).unwrap();
+    let out = directory.path().join("out");
+    let mut all = vec!["identify", path.to_str().unwrap()];
+    all.extend(["--out", out.to_str().unwrap()]);
+    all.extend(arguments);
+    let (code, text, error) = run(&all);
+    let place = format!("{}/", directory.path().display());
+    (code, text, error.replace(&place, ""))
+}
+
+/// A plant that differs from the drive file in everything but its force constant: found again from the
+/// excitation alone, written to a drive file that can be designed for.
+#[test]
+fn a_drive_that_differs_is_found_and_written() {
+    let drive = Drive::default_drive();
+    let mut plant = PlantFile::from(&drive);
+    plant.actuator.mass = 0.065;
+    for (load, (mass, stiffness)) in
+        plant
+            .loads
+            .iter_mut()
+            .zip([(0.021, 350.0), (0.018, 260.0), (0.017, 330.0)])
+    {
+        (load.mass, load.stiffness) = (mass, stiffness);
+    }
+    plant.friction = Friction {
+        coulomb: 0.15,
+        viscous: 0.2,
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let toml = directory.path().join("identified.toml");
+    let log = log(&plant, excitation(&drive));
+    let (code, text, error) = identify(&log, &["--json", "--toml", toml.to_str().unwrap()]);
+    assert_eq!((code, error.as_str()), (0, ""));
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let truth = [
+        ("actuator.mass", 0.065),
+        ("load[1].mass", 0.021),
+        ("load[2].mass", 0.018),
+        ("load[3].mass", 0.017),
+        ("load[1].stiffness", 350.0),
+        ("load[2].stiffness", 260.0),
+        ("load[3].stiffness", 330.0),
+        ("load[3].damping", 0.1),
+        ("friction.coulomb", 0.15),
+        ("friction.viscous", 0.2),
+    ];
+    for (name, truth) in truth {
+        let entry = &value["parameters"][name];
+        let found = entry["value"].as_f64().unwrap();
+        assert!((found / truth - 1.0).abs() < 0.01, "{name}: {entry}");
+        assert_eq!(entry["held"], false);
+    }
+    assert_eq!(value["parameters"]["actuator.force_constant"]["held"], true);
+    assert_eq!(value["parameters"]["load[1].damping"]["unit"], "N s/m");
+    assert!(value["fit_percent"].as_f64().unwrap() > 98.0);
+
+    let written = Drive::load(Some(&toml)).unwrap();
+    assert!((written.loads[1].stiffness / 260.0 - 1.0).abs() < 0.01);
+    assert!((written.friction.coulomb / 0.15 - 1.0).abs() < 0.01);
+    assert_eq!(run(&["design", toml.to_str().unwrap()]).0, 0);
+
+    // For people: a table and a plot.
+    let out = directory.path().join("out");
+    let path = directory.path().join("log.csv");
+    fs::write(&path, &log).unwrap();
+    let (path, out_name) = (path.to_str().unwrap(), out.to_str().unwrap());
+    let (code, text, _) = run(&["identify", path, "--out", out_name]);
+    assert_eq!(code, 0);
+    assert!(text.contains("| load[2].stiffness"), "{text}");
+    let svg = fs::read_to_string(out.join("identification.svg")).unwrap();
+    assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN"));
+}
+
+/// Known masses instead of a known force constant: then that is found.
+#[test]
+fn the_force_constant_is_found_where_a_mass_is_known() {
+    let drive = Drive::default_drive();
+    let mut plant = PlantFile::from(&drive);
+    plant.actuator.force_constant = 7.0;
+    let log = log(&plant, excitation(&drive));
+    let hold = ["--hold", "load[1].mass", "--hold", "load[2].mass"];
+    let (code, text, _) = identify(&log, &[&["--json"][..], &hold].concat());
+    assert_eq!(code, 0);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let found = value["parameters"]["actuator.force_constant"]["value"].as_f64();
+    assert!((found.unwrap() / 7.0 - 1.0).abs() < 2e-3, "{found:?}");
+}
+
+/// Each log, its arguments, and the sentence it gets.
+#[test]
+#[expect(clippy::too_many_lines, reason = "a table")]
+fn bad_logs_get_one_sentence_that_says_where() {
+    let drive = Drive::default_drive();
+    let plant = PlantFile::from(&drive);
+    let good = log(&plant, excitation(&drive));
+    let line = |number: usize| good.lines().nth(number - 1).unwrap().to_owned();
+    let replaced = |number: usize, new: &str| good.replacen(&line(number), new, 1);
+    let first: String = good.lines().take(150).collect::<Vec<_>>().join("\n");
+    let without = |number: usize| good.replacen(&format!("{}\n", line(number)), "", 1);
+    let rows = |row: fn(i32) -> (i32, i32)| {
+        (0..500).fold(String::new(), |mut text, k| {
+            let (count, current) = row(k);
+            writeln!(text, "{:.3},{count},{current}", f64::from(k) * 1e-3).unwrap();
+            text
+        })
+    };
+    let constant = rows(|k| (10 * k, 1));
+    let still = rows(|k| (k % 3, k % 2));
+    // As far from the count that stands there as a counter of 16 bits can be.
+    let count: u32 = line(900).split(',').nth(1).unwrap().parse().unwrap();
+    let opposite = (count + 32_768) % 65_536;
+    let header = "time[s],count[1],applied_current[A]\n";
+    let cases: Vec<(String, &[&str], &str)> = vec![
+        (
+            String::new(),
+            &[],
+            "log.csv:1: has no column time[s]: must have",
+        ),
+        (
+            "hello\nworld\n".into(),
+            &[],
+            "log.csv:1: has no column time[s]",
+        ),
+        (
+            good.replace("count[1]", "counts"),
+            &[],
+            "log.csv:1: has no column count[1]",
+        ),
+        (
+            good.replace("applied_current[A]", "applied_current[mA]"),
+            &[],
+            "log.csv:1: has no column applied_current[A]",
+        ),
+        (
+            header.into(),
+            &[],
+            "log.csv: 0 control periods: must be 200",
+        ),
+        (
+            first,
+            &[],
+            "log.csv: 149 control periods: must be 200 at least",
+        ),
+        (
+            replaced(500, "0.498,abc,0.1"),
+            &[],
+            "log.csv:500: count[1] = \"abc\": must be a number",
+        ),
+        (
+            replaced(500, "0.498,12.5,0.1"),
+            &[],
+            "log.csv:500: count[1] = 12.5: must be a whole number",
+        ),
+        (
+            replaced(500, "0.498,1e300,0.1"),
+            &[],
+            "log.csv:500: count[1] = 1000000000000",
+        ),
+        (
+            replaced(500, "nan,0,0.1"),
+            &[],
+            "log.csv:500: time[s] = \"nan\": must be a number",
+        ),
+        (
+            replaced(500, "0.498,0,inf"),
+            &[],
+            "log.csv:500: applied_current[A] = \"inf\": must be a number",
+        ),
+        (
+            replaced(500, "0.498"),
+            &[],
+            "log.csv:500: count[1] = \"\": must be a number",
+        ),
+        (
+            replaced(700, "0.698,0,3.5"),
+            &[],
+            "log.csv:700: applied_current[A] = 3.5: is beyond the drive's current_limit of 2 A",
+        ),
+        (
+            without(800),
+            &[],
+            "log.csv:800: time[s] is 0.002000 s after the row before: must be one control period",
+        ),
+        (
+            good.replace("0.500,", "0.499,"),
+            &[],
+            "log.csv:502: time[s] is 0.000000 s after the row before",
+        ),
+        (
+            replaced(900, &format!("0.898,{opposite},0.1")),
+            &[],
+            "log.csv:900: count[1] jumps by",
+        ),
+        (
+            format!("{header}{constant}"),
+            &[],
+            "log.csv: applied_current[A] never changes: nothing can be identified",
+        ),
+        (
+            format!("{header}{still}"),
+            &[],
+            "log.csv: the actuator moves by 2 counts: must be 100 at least",
+        ),
+        (
+            replaced(2, "0.000,500,0"),
+            &[],
+            "log.csv:3: the actuator moves by",
+        ),
+        (
+            good.clone(),
+            &["--hold", "load[4].mass"],
+            "--hold load[4].mass: must be one of",
+        ),
+        (
+            good.clone(),
+            &["--hold", "load[1].damping"],
+            "must name a mass, a stiffness or the force constant",
+        ),
+        (
+            good.clone(),
+            &["--run", "free", "--hold", "load[1].mass"],
+            "--hold load[1].mass: must be one of actuator.mass, actuator.force_constant, friction",
+        ),
+        (good.clone(), &["--run", "quick"], "invalid value 'quick'"),
+        (
+            good.clone(),
+            &["--drive", "nowhere.toml"],
+            "cannot read nowhere.toml",
+        ),
+    ];
+    for (text, arguments, expected) in &cases {
+        let (code, output, error) = identify(text, arguments);
+        assert_eq!((code, output.as_str()), (2, ""), "{expected}: {error}");
+        assert!(error.contains(expected), "{expected}: {error}");
+        if !expected.starts_with("invalid value") {
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+    let missing = run(&["identify", "nowhere.csv"]);
+    assert!(missing.0 == 2 && missing.2.contains("cannot read nowhere.csv"));
+}
+
+/// A log that is well-formed but does not say enough: a failed run that names the parameter and the
+/// reason, and writes nothing.
+#[test]
+fn what_a_log_does_not_determine_is_refused() {
+    let drive = Drive::default_drive();
+    let plant = PlantFile::from(&drive);
+    let slow = |hz: f64| {
+        (0..4000).map(move |k| 0.5 * (std::f64::consts::TAU * hz * f64::from(k) * 1e-3).sin())
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let toml = directory.path().join("identified.toml");
+    let arguments = ["--toml", toml.to_str().unwrap()];
+    // One slow sine: hardly any frequency to go by.
+    let (code, text, error) = identify(&log(&plant, slow(1.0)), &arguments);
+    assert_eq!((code, text.as_str()), (1, ""), "{error}");
+    assert!(error.contains("nothing was identified"), "{error}");
+    assert_eq!(error.lines().count(), 1, "{error}");
+    // A band that ends below the second and third modes.
+    let wish = Wish {
+        to: Some(14.0),
+        ..Wish::default()
+    };
+    let play = Play::new(&drive, &wish).unwrap();
+    let mut noisy = plant.clone();
+    noisy.encoder.resolution = 20e-6;
+    let narrow = log(&noisy, play.currents().map(f64::from));
+    let coarse = directory.path().join("coarse.toml");
+    fs::write(
+        &coarse,
+        DRIVE.replace("resolution = 1e-6 ", "resolution = 20e-6 "),
+    )
+    .unwrap();
+    let drive = ["--drive", coarse.to_str().unwrap()];
+    let (code, _, error) = identify(&narrow, &[&arguments[..], &drive].concat());
+    assert_eq!(code, 1, "{error}");
+    assert!(
+        error.contains("the log does not determine load["),
+        "{error}"
+    );
+    assert!(!Path::new(&toml).exists());
+}
