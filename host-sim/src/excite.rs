@@ -39,7 +39,7 @@ const ABOVE_MODES: f64 = 1.5;
 /// Highest frequency times the control period: 80 % of what sampling can show.
 const HIGHEST: f64 = 0.4;
 /// Peak current where none is asked for, as a share of the limit.
-const SHARE: f64 = 0.5;
+const SHARE: f64 = 0.25;
 /// Steps of a continuous output from zero to its limit.
 const CONTINUOUS: f64 = 2000.0;
 /// Steps that the peak current must have, or rounding distorts the signal.

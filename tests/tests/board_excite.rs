@@ -11,7 +11,9 @@ use host_sim::corridor::corridor;
 use host_sim::design::Design;
 use host_sim::drive::{Drive, Friction, PlantFile};
 use host_sim::excite::{Play, Wish};
+use host_sim::identify::{Kind, Log, Parameters, identify};
 use host_sim::plant::Plant;
+use host_sim::report::log::csv;
 use host_sim::scenario::Scenario;
 
 /// The default drive with a machine that has friction.
@@ -253,4 +255,33 @@ fn an_actuator_that_leaves_its_travel_is_stopped() {
         capture.messages
     );
     assert_eq!(capture.records.last().unwrap().state, "Idle");
+}
+
+/// From the board's log to the machine: a spring and a mass that the drive file has wrong, and friction
+/// that it does not have, are found from what the firmware logged.
+#[test]
+fn the_machine_is_identified_from_the_boards_log() {
+    let (drive, mut plant) = machine();
+    plant.loads[0].stiffness = 350.0;
+    plant.loads[2].mass = 0.023;
+    let mut rig = start(&drive, &plant);
+    rig.excite().unwrap();
+    let csv = csv(&decode(&rig), drive.control.sample_time, drive.kind).unwrap();
+    let log = Log::parse(&csv[..], "log.csv", &drive).unwrap();
+    let hold = ["actuator.force_constant".to_owned()];
+    let parameters = Parameters::new(&drive, Kind::Excitation, &hold).unwrap();
+    let found = identify(&drive, &log, &parameters).unwrap().entries(&drive);
+    for (name, truth) in [
+        ("actuator.mass", 0.059),
+        ("load[1].stiffness", 350.0),
+        ("load[2].stiffness", 300.0),
+        ("load[3].mass", 0.023),
+        ("load[3].damping", 0.1),
+        ("friction.coulomb", 0.1),
+        ("friction.viscous", 0.2),
+    ] {
+        let value = found[name].value;
+        println!("{name}: {value} +- {}", found[name].std);
+        assert!((value / truth - 1.0).abs() < 0.01, "{name}: {value}");
+    }
 }

@@ -16,7 +16,7 @@ pub(super) struct ExciteCommand {
     /// Which signal.
     #[arg(long, value_enum, default_value_t)]
     kind: Signal,
-    /// Peak current; half of the current limit when not given.
+    /// Peak current; a quarter of the current limit when not given.
     #[arg(long, value_name = "A")]
     current: Option<f64>,
     /// Farthest the actuator may get from where it begins; four times the travel predicted when not
