@@ -106,16 +106,26 @@ fn a_drive_that_differs_is_found_and_written() {
     assert!((written.friction.coulomb / 0.15 - 1.0).abs() < 0.01);
     assert_eq!(run(&["design", toml.to_str().unwrap()]).0, 0);
 
-    // For people: a table and a plot.
+    // For people: a table and a plot, in the drive's units.
     let out = directory.path().join("out");
     let path = directory.path().join("log.csv");
+    let rotary = directory.path().join("rotary.toml");
     fs::write(&path, &log).unwrap();
+    fs::write(&rotary, format!("kind = \"rotary\"\n{DRIVE}")).unwrap();
     let (path, out_name) = (path.to_str().unwrap(), out.to_str().unwrap());
-    let (code, text, _) = run(&["identify", path, "--out", out_name]);
+    let rotary = rotary.to_str().unwrap();
+    let (code, text, _) = run(&["identify", path, "--drive", rotary, "--out", out_name]);
     assert_eq!(code, 0);
     assert!(text.contains("| load[2].stiffness"), "{text}");
     let svg = fs::read_to_string(out.join("identification.svg")).unwrap();
     assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN"));
+    assert!(
+        text.contains("N m/rad") && text.contains("kg m^2"),
+        "{text}"
+    );
+    for unit in ["N/m", "N s/m", "N/A", " mm", "um"] {
+        assert!(!text.contains(unit) && !svg.contains(unit), "{unit}");
+    }
 }
 
 /// Known masses instead of a known force constant: then that is found.

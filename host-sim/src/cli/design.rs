@@ -54,6 +54,9 @@ impl DesignCommand {
             if let (Some(path), None) = (&self.rust, refused) {
                 text += &format!("gains written to {}\n", path.display());
             }
+            if let Some(path) = &self.plot {
+                text += &format!("plot written to {}\n", path.display());
+            }
             print(&text)?;
         }
         match refused {

@@ -180,11 +180,7 @@ pub fn judgement(judged: &Judgement) -> String {
     }
     // Writing to a string cannot fail.
     let _ = writeln!(text, "{checks}");
-    for check in judged
-        .checks
-        .iter()
-        .filter(|check| check.verdict != Verdict::Pass)
-    {
+    for check in &judged.checks {
         let _ = writeln!(text, "{}: {}", check.name, check.advice);
     }
 

@@ -1,0 +1,231 @@
+//! `host-sim design` and what follows from it, as the user asks for it: kinds of drive, ways to choose
+//! gains, and the comparison.
+
+use assert_cmd::Command;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+const DRIVE: &str = include_str!("../drive.toml");
+const WEIGHTS: &str = "position = [225.0, 225.0, 225.0, 225.0]  # 1/m^2, actuator first\n\
+                       velocity = [0.2, 0.2, 0.2, 0.2]          # s^2/m^2\n";
+
+/// Runs in a directory; returns exit code, standard output, standard error.
+fn run(directory: &Path, arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
+        .args(arguments)
+        .current_dir(directory)
+        .output()
+        .unwrap();
+    (
+        output.status.code().unwrap(),
+        String::from_utf8(output.stdout).unwrap(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+/// Runs a command on a drive file, which must succeed, and returns what it printed.
+fn good(directory: &Path, drive: &str, arguments: &[&str]) -> String {
+    fs::write(directory.join("drive.toml"), drive).unwrap();
+    let (code, text, error) = run(directory, arguments);
+    assert_eq!((code, error.as_str()), (0, ""), "{arguments:?}");
+    text
+}
+
+fn json(directory: &Path, drive: &str, arguments: &[&str]) -> Value {
+    let text = good(directory, drive, &[arguments, &["--json"]].concat());
+    serde_json::from_str(&text).unwrap()
+}
+
+fn with_observer(table: &str) -> String {
+    DRIVE.replace("[cost]", &format!("[observer]\n{table}\n\n[cost]"))
+}
+
+/// Norms of the poles that a design prints.
+fn norms(poles: &Value) -> Vec<f64> {
+    poles
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|pole| f64::hypot(pole[0].as_f64().unwrap(), pole[1].as_f64().unwrap()))
+        .collect()
+}
+
+/// A rotary drive of the same numbers has the same gains; everything it writes is in its own units.
+#[test]
+fn a_rotary_drive_is_in_its_own_units() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let rotary = DRIVE.replacen("[actuator]", "kind = \"rotary\"\n[actuator]", 1);
+    let design = ["design", "drive.toml"];
+    let (linear, turning) = (json(at, DRIVE, &design), json(at, &rotary, &design));
+    assert_eq!(linear["k"], turning["k"]);
+    assert_eq!(linear["observer_gain"], turning["observer_gain"]);
+
+    let mut written = vec![
+        good(
+            at,
+            &rotary,
+            &[
+                "design",
+                "drive.toml",
+                "--rust",
+                "gains.rs",
+                "--plot",
+                "k.svg",
+            ],
+        ),
+        good(at, &rotary, &["simulate", "drive.toml", "--out", "."]),
+        good(
+            at,
+            &rotary,
+            &["simulate", "drive.toml", "--scenario", "move", "--out", "."],
+        ),
+        good(
+            at,
+            &rotary,
+            &[
+                "excite",
+                "drive.toml",
+                "--out",
+                ".",
+                "--rust",
+                "excitation.rs",
+            ],
+        ),
+        good(at, &rotary, &["compare", "drive.toml"]),
+    ];
+    for (found, expected) in written.iter().zip([
+        "position gain [A/rad]",
+        "residual [urad p-p]",
+        "to a reference, 30 mrad",
+        " mrad",
+        "Step of 30 mrad",
+    ]) {
+        assert!(found.contains(expected), "{expected}: {found}");
+    }
+    for name in [
+        "gains.rs",
+        "k.svg",
+        "fig3.csv",
+        "fig3.svg",
+        "fig5.svg",
+        "excitation.rs",
+    ] {
+        written.push(fs::read_to_string(at.join(name)).unwrap());
+    }
+    let csv = &written[7];
+    assert!(csv.starts_with("time[s],count[1]"), "{csv:.80}");
+    for column in ["reference[rad]", "velocity[rad/s]", "reaction_force[N m]"] {
+        assert!(csv.contains(column), "{column}");
+    }
+    for text in &written {
+        for unit in [
+            "[m]", "[m/s]", "[N]", " mm", "[mm", "[um", " um ", "A/m", "N/m", " kg,",
+        ] {
+            assert!(!text.contains(unit), "{unit} in {text}");
+        }
+    }
+}
+
+/// The weights of a requested settling time: the true state fed back settles in it.
+#[test]
+fn a_requested_settling_time_is_met() {
+    let directory = tempfile::tempdir().unwrap();
+    for seconds in [0.15, 0.25, 0.5] {
+        let drive = DRIVE.replace(WEIGHTS, &format!("settling_time = {seconds}\n"));
+        let arguments = ["simulate", "drive.toml", "--scenario", "fig3", "--out", "."];
+        let value = json(directory.path(), &drive, &arguments);
+        let settled = |index: usize| {
+            value["experiments"][index]["metrics"]["settling_time"]
+                .as_f64()
+                .unwrap()
+        };
+        assert!(
+            (settled(1) / seconds - 1.0).abs() < 0.02,
+            "{seconds}: {}",
+            settled(1)
+        );
+        assert!(
+            (settled(0) / seconds - 1.0).abs() < 0.10,
+            "{seconds}: {}",
+            settled(0)
+        );
+    }
+}
+
+/// Placed poles: every part of the estimation error that can be moved decays as many times faster than
+/// the slowest regulator pole as was asked for, or more.
+#[test]
+fn an_observer_of_placed_poles_is_as_fast_as_asked() {
+    let directory = tempfile::tempdir().unwrap();
+    for speed in [2.0, 3.0] {
+        let drive = with_observer(&format!("design = \"poles\"\nspeed = {speed}"));
+        let value = json(directory.path(), &drive, &["design", "drive.toml"]);
+        let slowest = |poles: &Value| -norms(poles).into_iter().fold(0.0, f64::max).ln();
+        let ratio = slowest(&value["observer_poles"]) / slowest(&value["regulator_poles"]);
+        assert!((ratio / speed - 1.0).abs() < 1e-6, "{speed}: {ratio}");
+        let check = value["checks"].as_array().unwrap().iter();
+        let check = check
+            .clone()
+            .find(|check| check["name"] == "observer_speed")
+            .unwrap();
+        assert!(
+            check["verdict"] == "pass" && check["limit"] == speed,
+            "{check}"
+        );
+    }
+}
+
+/// The disturbance state takes friction for what it is; without it the observer puts the same force down
+/// to the load and leaves the load away from its target.
+#[test]
+fn without_the_disturbance_state_friction_is_taken_for_load() {
+    let directory = tempfile::tempdir().unwrap();
+    let plant = directory.path().join("plant.toml");
+    fs::write(&plant, format!("{DRIVE}\n[friction]\ncoulomb = 0.1\n")).unwrap();
+    let metrics = |drive: &str| {
+        let arguments = [
+            &["simulate", "drive.toml", "--scenario", "fig3", "--out", "."][..],
+            &["--plant", "plant.toml"],
+        ];
+        let mut value = json(directory.path(), drive, &arguments.concat());
+        value["experiments"][0]["metrics"].take()
+    };
+    let (with, without) = (
+        metrics(DRIVE),
+        metrics(&with_observer("disturbance = false")),
+    );
+    let error = |metrics: &Value| metrics["estimation_error"][2].as_f64().unwrap();
+    assert!(error(&without) > 2.0 * error(&with), "{with} {without}");
+    assert!(with["settling_time"].as_f64().unwrap() < 0.2, "{with}");
+    assert!(without["settling_time"].is_null(), "{without}");
+    let cases = |law: &Value| -> Vec<String> {
+        let outcomes = law["outcomes"].as_array().unwrap();
+        outcomes
+            .iter()
+            .map(|outcome| outcome["case"].to_string())
+            .collect()
+    };
+    assert_eq!(cases(&laws[0]).len(), 9);
+    assert!(laws.iter().all(|law| cases(law) == cases(&laws[0])));
+    // The same experiment as the main job's.
+    let arguments = ["simulate", "drive.toml", "--scenario", "fig3", "--out", "."];
+    let main = json(at, DRIVE, &arguments);
+    for (law, run) in [(1, 0), (0, 1)] {
+        assert_eq!(
+            laws[law]["outcomes"][0]["metrics"]["settling_time"],
+            main["experiments"][run]["metrics"]["settling_time"]
+        );
+    }
+    let text = good(at, DRIVE, &["compare", "drive.toml"]);
+    for name in names {
+        assert!(text.contains(&format!("| {name} ")), "{name}: {text}");
+    }
+    let (code, out, error) = run(at, &["compare", "nowhere.toml"]);
+    assert_eq!(
+        (code, out.as_str(), error.lines().count()),
+        (2, "", 1),
+        "{error}"
+    );
+}
