@@ -98,7 +98,7 @@ fn a_rotary_drive_is_in_its_own_units() {
     for (found, expected) in written.iter().zip([
         "position gain [A/rad]",
         "residual [urad p-p]",
-        "to a reference, 30 mrad",
+        "move of 30 mrad",
         " mrad",
         "Step of 30 mrad",
     ]) {
@@ -200,6 +200,58 @@ fn without_the_disturbance_state_friction_is_taken_for_load() {
     assert!(error(&without) > 2.0 * error(&with), "{with} {without}");
     assert!(with["settling_time"].as_f64().unwrap() < 0.2, "{with}");
     assert!(without["settling_time"].is_null(), "{without}");
+}
+
+/// A reader sees the checks explained, passed or not: what the double zero of a free chain means is said.
+#[test]
+fn every_check_is_explained() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = good(directory.path(), DRIVE, &["design", "drive.toml"]);
+    let value = json(directory.path(), DRIVE, &["design", "drive.toml"]);
+    for check in value["checks"].as_array().unwrap() {
+        assert!(text.contains(check["advice"].as_str().unwrap()), "{check}");
+    }
+    assert!(text.contains("the free chain has a double zero"), "{text}");
+}
+
+/// The plot of K(t), whole or not at all.
+#[test]
+fn the_gain_over_the_time_to_go_is_plotted() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let text = good(at, DRIVE, &["design", "drive.toml", "--plot", "k.svg"]);
+    assert!(text.contains("plot written to k.svg"), "{text}");
+    let svg = fs::read_to_string(at.join("k.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+    assert!(svg.matches("<polyline").count() >= 8 && !svg.contains("NaN"));
+
+    let (code, _, error) = run(at, &["design", "drive.toml", "--plot", "."]);
+    assert_eq!((code, error.lines().count()), (1, 1), "{error}");
+}
+
+/// Every law on every plant; the table says what the JSON says.
+#[test]
+fn rivals_are_compared_on_the_same_plants() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let value = json(at, DRIVE, &["compare", "drive.toml"]);
+    let laws = value["laws"].as_array().unwrap();
+    let names: Vec<_> = laws
+        .iter()
+        .map(|law| law["law"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        names,
+        [
+            "full state",
+            "drive",
+            "encoder filter",
+            "PD",
+            "PD + ZV",
+            "PD + ZVD",
+            "PD + EI"
+        ]
+    );
     let cases = |law: &Value| -> Vec<String> {
         let outcomes = law["outcomes"].as_array().unwrap();
         outcomes

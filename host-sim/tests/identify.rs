@@ -317,7 +317,7 @@ fn what_a_log_does_not_determine_is_refused() {
     // A band that ends below the second and third modes.
     let wish = Wish {
         to: Some(14.0),
-        current: Some(0.1),
+        current: Some(0.02),
         ..Wish::default()
     };
     let play = Play::new(&drive, &wish).unwrap();
