@@ -65,9 +65,15 @@ impl Log {
 
         self.records += 1;
         if self.records >= self.summary {
+            // Metres, or radians: the core does not know which.
+            if record.state == State::Running {
+                defmt::info!(
+                    "vibration {} rms, SI units, within 5 %",
+                    self.vibration.level()
+                );
+            }
             defmt::info!(
-                "vibration {} m rms (within 5 %), at most {} cycles per step, {} records lost",
-                self.vibration.level(),
+                "at most {} cycles per step, {} records lost",
                 self.worst_cycles,
                 self.lost,
             );
