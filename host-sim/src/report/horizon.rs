@@ -1,6 +1,7 @@
-//! How the gain over the time to go, eq. (14), tends to the constant one: a plot.
+//! How the gain over the time to go, eq. (14), tends to a constant one: a plot. Continuous time, as the
+//! equation is: the gain of the sampled drive is somewhat smaller.
 
-use super::plot::{Series, panels};
+use super::plot::{Panel, Series, panels};
 use crate::design::Design;
 use crate::design::judgement::convergence;
 use crate::error::Result;
@@ -38,25 +39,25 @@ pub fn plot(design: &Design) -> Result<String> {
         .iter()
         .map(|gain| (gain.time_to_go, gain.distance.max(1e-16).log10()));
     let units = design.drive.kind.units();
+    let over = "time to go [s]";
     panels(
-        "gain of eq. (14) over the time to go",
-        "time to go [s]",
+        "gain of eq. (14), continuous time",
         &[
-            (
-                "position gains",
-                &format!("K [{}]", units.position_gain),
-                series(0),
-            ),
-            (
-                "velocity gains",
-                &format!("K [{}]", units.velocity_gain),
-                series(1),
-            ),
-            (
-                "distance from the constant gain",
-                "log10",
-                vec![("relative".into(), distance.collect())],
-            ),
+            Panel {
+                caption: "position gains",
+                axes: (over, &format!("K [{}]", units.position_gain)),
+                series: series(0),
+            },
+            Panel {
+                caption: "velocity gains",
+                axes: (over, &format!("K [{}]", units.velocity_gain)),
+                series: series(1),
+            },
+            Panel {
+                caption: "distance from the gain they tend to",
+                axes: (over, "log10"),
+                series: vec![("relative".into(), distance.collect())],
+            },
         ],
     )
 }

@@ -1,6 +1,6 @@
 //! What was identified: a table, and how well the model explains the log as a plot.
 
-use super::plot::{Series, panels};
+use super::plot::{Panel, Series, panels};
 use crate::drive::Drive;
 use crate::error::Result;
 use crate::identify::{Identification, Kind, Quantity, model_response};
@@ -95,18 +95,30 @@ pub fn plot(drive: &Drive, identification: &Identification, kind: Kind) -> Resul
     )];
     let position = format!("position [{}]", units.milli_position);
     let small = format!("innovation [{}]", units.micro_position);
+    let ratio = format!("dB of 1 ({})/A", units.acceleration);
     let mut content = vec![
-        ("motion, slow part left out", position.as_str(), motion),
-        ("residual", small.as_str(), innovations),
-        ("correlation of the residual over the lag", "1", correlation),
+        Panel {
+            caption: "motion, slow part left out",
+            axes: ("time [s]", &position),
+            series: motion,
+        },
+        Panel {
+            caption: "residual",
+            axes: ("time [s]", &small),
+            series: innovations,
+        },
+        Panel {
+            caption: "correlation of the residual",
+            axes: ("lag [s]", "1"),
+            series: correlation,
+        },
     ];
-    let response;
     if kind == Kind::Excitation {
         let chain = &identification.machine.chain;
         let hz = |omega: f64| omega / std::f64::consts::TAU;
         let decibel = |magnitude: f64| 20.0 * magnitude.log10();
         let points = &identification.response;
-        response = vec![
+        let response = vec![
             (
                 "measured".to_owned(),
                 points
@@ -125,7 +137,11 @@ pub fn plot(drive: &Drive, identification: &Identification, kind: Kind) -> Resul
                     .collect(),
             ),
         ];
-        content.push(("acceleration over current, over Hz", "dB", response));
+        content.push(Panel {
+            caption: "acceleration over current",
+            axes: ("frequency [Hz]", &ratio),
+            series: response,
+        });
     }
-    panels("identification", "time [s]", &content)
+    panels("identification", &content)
 }

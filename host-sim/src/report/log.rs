@@ -5,7 +5,7 @@
 use crate::capture::{Capture, LogRecord};
 use crate::drive::{Kind, Units};
 use crate::error::{Error, Result};
-use crate::report::plot::{Series, panels};
+use crate::report::plot::{Panel, Series, panels};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use std::collections::BTreeMap;
 
@@ -133,22 +133,30 @@ pub fn plot(capture: &Capture, period: f64, kind: Kind) -> Result<String> {
     motion.extend(loads.iter().map(String::as_str));
     motion.push("reference");
     let units = kind.units();
+    let over = "time [s]";
     panels(
         "log of the drive",
-        "time [s]",
         &[
-            (
-                "motion as estimated",
-                &format!("position [{}]", units.milli_position),
-                series(&motion, 1e3),
-            ),
-            ("current", "current [A]", series(&["command"], 1.0)),
-            (
-                "forces",
-                &format!("force [{}]", units.force),
-                series(&["reaction_force", "disturbance", "disturbance_state"], 1.0),
-            ),
-            ("control step", "processor cycles", series(&["cycles"], 1.0)),
+            Panel {
+                caption: "motion as estimated",
+                axes: (over, &format!("position [{}]", units.milli_position)),
+                series: series(&motion, 1e3),
+            },
+            Panel {
+                caption: "current",
+                axes: (over, "current [A]"),
+                series: series(&["command"], 1.0),
+            },
+            Panel {
+                caption: "forces",
+                axes: (over, &format!("force [{}]", units.force)),
+                series: series(&["reaction_force", "disturbance", "disturbance_state"], 1.0),
+            },
+            Panel {
+                caption: "control step",
+                axes: (over, "processor cycles"),
+                series: series(&["cycles"], 1.0),
+            },
         ],
     )
 }

@@ -19,7 +19,7 @@ const COLOURS: [RGBColor; 7] = [
 ];
 const BOUND: RGBColor = RGBColor(170, 170, 170);
 
-type Panel<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Line = Vec<(f64, f64)>;
 
 /// Draws the core's run with the full-state bound behind it, as SVG.
@@ -125,16 +125,23 @@ fn draw(
 /// Name and points of a line.
 pub type Series = (String, Vec<(f64, f64)>);
 
-/// One panel: caption, title of its vertical axis, lines.
-pub type PanelContent<'a> = (&'a str, &'a str, Vec<Series>);
+/// One panel.
+pub struct Panel<'a> {
+    /// Over it.
+    pub caption: &'a str,
+    /// Titles of its horizontal and its vertical axis.
+    pub axes: (&'a str, &'a str),
+    /// Its lines.
+    pub series: Vec<Series>,
+}
 
-/// Draws two or four panels over a common horizontal axis.
+/// Draws panels, two in a row.
 ///
 /// # Errors
 /// [`Error::Simulation`] when the drawing cannot be made.
-pub fn panels(title: &str, axis: &str, content: &[PanelContent<'_>]) -> Result<String> {
+pub fn panels(title: &str, content: &[Panel<'_>]) -> Result<String> {
     let mut svg = String::new();
-    draw_panels(&mut svg, title, axis, content)
+    draw_panels(&mut svg, title, content)
         .map_err(|error| Error::Simulation(format!("the plot cannot be drawn: {error}")))?;
     Ok(svg)
 }
@@ -142,23 +149,24 @@ pub fn panels(title: &str, axis: &str, content: &[PanelContent<'_>]) -> Result<S
 fn draw_panels(
     svg: &mut String,
     title: &str,
-    x_axis: &str,
-    content: &[PanelContent<'_>],
+    content: &[Panel<'_>],
 ) -> std::result::Result<(), Box<dyn std::error::Error>> {
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
     let root = root.titled(title, ("sans-serif", 22))?;
-    for (panel, (caption, axis, series)) in root
+    for (area, panel) in root
         .split_evenly((content.len().div_ceil(2), 2))
         .iter()
         .zip(content)
     {
-        let coloured: Vec<_> = series
+        let coloured: Vec<_> = panel
+            .series
             .iter()
             .enumerate()
             .map(|(i, (name, line))| (name.clone(), COLOURS[i % COLOURS.len()], line.clone()))
             .collect();
-        lines(panel, caption, x_axis, axis, &coloured, &[])?;
+        let (x, y) = panel.axes;
+        lines(area, panel.caption, x, y, &coloured, &[])?;
     }
     root.present()?;
     Ok(())
@@ -172,7 +180,7 @@ fn time_series(run: &Run, value: impl Fn(&crate::simulate::Sample) -> f64) -> Li
 }
 
 fn lines(
-    panel: &Panel<'_>,
+    area: &Area<'_>,
     caption: &str,
     x_title: &str,
     y_title: &str,
@@ -182,7 +190,7 @@ fn lines(
     let points = || series.iter().flat_map(|(_, _, line)| line);
     let x = range(points().map(|point| point.0));
     let y = range(points().map(|point| point.1));
-    let mut chart = ChartBuilder::on(panel)
+    let mut chart = ChartBuilder::on(area)
         .caption(caption, ("sans-serif", 16))
         .margin(8)
         .x_label_area_size(36)

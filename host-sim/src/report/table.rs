@@ -214,7 +214,7 @@ pub fn judgement(judged: &Judgement) -> String {
 
     let mut horizon = table(&[
         "time to go [ms]",
-        "distance of K(t), eq. (14), from the constant gain",
+        "distance of K(t), eq. (14), from the gain it tends to",
     ]);
     for gain in &judged.finite_horizon {
         horizon.add_row([
