@@ -641,14 +641,14 @@ fn logs_that_cannot_be_read_get_a_sentence() {
     let empty = path.to_str().unwrap();
     for (arguments, expected, sentence) in [
         (
-            &["capture", "--rtt", "/nonexistent"][..],
+            &["capture", "--rtt", "nowhere.log"][..],
             2,
-            "cannot read /nonexistent",
+            "cannot read nowhere.log",
         ),
         (
-            &["capture", "--elf", "/nonexistent", "--rtt", empty],
+            &["capture", "--elf", "nowhere.log", "--rtt", empty],
             2,
-            "cannot read /nonexistent",
+            "cannot read nowhere.log",
         ),
         (
             &["capture", "--elf", empty, "--rtt", empty],

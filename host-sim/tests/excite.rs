@@ -32,7 +32,7 @@ fn summary_csv_and_source_are_written() {
         "drive: embedded drive.toml",
         "multisine, 54 lines from 2.441 to 54.199 Hz",
         "4 x 2.048 s = 8.192 s, 2048 control periods each",
-        "1.000 A peak",
+        "0.500 A peak",
         "A rms",
         "predicted travel",
         "predicted stretch",
@@ -47,7 +47,7 @@ fn summary_csv_and_source_are_written() {
     let rows: Vec<(f64, f64)> = rows.deserialize().collect::<Result<_, _>>().unwrap();
     assert_eq!(rows.len(), 4 * 2048);
     assert_eq!((rows[0].0, rows[8191].0), (0.0, 8.191));
-    assert!(rows.iter().all(|(_, current)| current.abs() <= 1.0 + 1e-6));
+    assert!(rows.iter().all(|(_, current)| current.abs() <= 0.5 + 1e-6));
     assert!((0..2048).all(|k| rows[k].1 == rows[k + 3 * 2048].1));
 
     // The same on standard output, and no files.
@@ -90,7 +90,7 @@ fn every_option_is_obeyed() {
     assert_eq!(error.lines().count(), 1, "{error}");
     assert!(
         error.starts_with("warning: the travel of 0.02 m allows 0.1")
-            && error.ends_with(" A instead of 1.000 A\n"),
+            && error.ends_with(" A instead of 0.500 A\n"),
         "{error}"
     );
 }
