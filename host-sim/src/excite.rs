@@ -562,7 +562,11 @@ mod tests {
         });
         assert_eq!(reduced.reduced_from, Some(0.5));
         assert_eq!(reduced.travel, 0.5 * whole.prediction.travel);
-        assert!((reduced.peak() - 0.125).abs() < 0.0025, "{}", reduced.peak());
+        assert!(
+            (reduced.peak() - 0.125).abs() < 0.0025,
+            "{}",
+            reduced.peak()
+        );
         assert!(reduced.prediction.travel <= 0.5 * reduced.travel);
         let wide = play(Wish {
             travel: Some(2.0 * whole.prediction.travel),
