@@ -5,10 +5,11 @@
 //!                       +-------> observer (L, eq. (17)) ----+
 //! ```
 //!
-//! What a design is judged by: `checks`, `margins`, `finite_horizon`; the paper's own numbers: `paper`.
+//! What a design is judged by: `drive_loop`, `checks`, `margins`, `finite_horizon`; the paper's own numbers: `paper`.
 
 pub mod checks;
 pub mod discretise;
+pub mod drive_loop;
 pub mod finite_horizon;
 pub mod judgement;
 pub mod lqr;
@@ -101,6 +102,17 @@ impl Design {
     /// [`Error::Design`] when they cannot be computed.
     pub fn regulator_poles(&self) -> Result<Vec<Complex<f64>>> {
         eigenvalues(&(&self.ad - &self.bd * &self.regulator))
+    }
+
+    /// How fast the slowest of them decays, 1/s.
+    ///
+    /// # Errors
+    /// [`Error::Design`] when they cannot be computed.
+    pub fn regulator_decay(&self) -> Result<f64> {
+        Ok(decay(
+            &self.regulator_poles()?,
+            self.drive.control.sample_time,
+        ))
     }
 
     /// Poles of the estimation error, `eig((1 − L c) F)`.

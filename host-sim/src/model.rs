@@ -163,12 +163,22 @@ impl Chain {
 /// # Errors
 /// [`Error::Design`] when the iteration does not converge.
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>> {
-    let schur = nalgebra::Schur::try_new(matrix.clone(), f64::EPSILON, 10_000)
-        .ok_or_else(|| Error::Design("an eigenvalue iteration did not converge".into()))?;
+    // Metres and newtons in one matrix are decades apart; the iteration wants rows like columns.
+    let mut balanced = matrix.clone();
+    nalgebra::linalg::balancing::balance_parlett_reinsch(&mut balanced);
+    let n = matrix.nrows();
+    // Entries count as zero against their neighbours on the diagonal, which never happens around an
+    // eigenvalue of zero that has too few eigenvectors (pure delays): then all are moved away from zero.
+    let moved = [0.0, balanced.amax()].into_iter().find_map(|shift| {
+        let moved = &balanced + DMatrix::identity(n, n) * shift;
+        let schur = nalgebra::Schur::try_new(moved, f64::EPSILON, 1000)?;
+        Some((schur, shift))
+    });
+    let (schur, shift) =
+        moved.ok_or_else(|| Error::Design("an eigenvalue iteration did not converge".into()))?;
     // Read off the blocks on the diagonal here: the crate's own reading takes the root of a negative
     // number where rounding makes a real pair of what stands in one block.
     let (_, t) = schur.unpack();
-    let n = t.nrows();
     let mut eigenvalues = Vec::with_capacity(n);
     let mut i = 0;
     while i < n {
@@ -182,6 +192,9 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>> {
         let root = Complex::from(half * half + t[(i, i + 1)] * t[(i + 1, i)]).sqrt();
         eigenvalues.extend([root + mean, -root + mean]);
         i += 2;
+    }
+    for value in &mut eigenvalues {
+        *value -= shift;
     }
     if eigenvalues.iter().all(|value| value.is_finite()) {
         Ok(eigenvalues)

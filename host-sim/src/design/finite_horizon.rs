@@ -1,18 +1,25 @@
 //! Finite-horizon solution, eqs. (7) to (14): the gain over the time that is left.
 //!
 //! State and costate obey the Hamiltonian flow of (8), whose lower right block must read `−Aᵀ`
-//! (printed: `−A`); over a step `h`, `Ψ = e^{M h}` and
+//! (printed: `−A`); over a time `h`, `Ψ = e^{M h}` and
 //!
 //! ```text
 //! P(t) = (H Ψ_12 − Ψ_22)⁻¹ (Ψ_21 − H Ψ_11)         K(t) = R⁻¹ Bᵀ P(t)
 //! ```
 //!
-//! with `P` at the end of the step in the place of `H`. One exponential over a long horizon loses
-//! all figures, because the flow grows as fast in one direction as it decays in the other; so it is
-//! taken in short pieces, each starting from the `P` of the last. As the horizon grows, `K` tends to
-//! the constant gain. Continuous time: the gains that the sampled drive holds differ by what
-//! sampling costs.
+//! with `P` at the end of that time in the place of `H`. One exponential over a long horizon loses
+//! all figures, because the flow grows as fast in one direction as it decays in the other. So the
+//! exponential is that of a short piece, written as what the piece does to `P`,
+//!
+//! ```text
+//! P(t) = h + aᵀ P(t+h) (I + g P(t+h))⁻¹ a     aᵀ = Ψ_22⁻¹,  g = −Ψ_12 Ψ_22⁻¹,  h = −Ψ_22⁻¹ Ψ_21
+//! ```
+//!
+//! which is the same equation, and pieces are joined two by two by the doubling of `riccati.rs`, in
+//! which nothing grows. As the horizon grows, `K` tends to a constant gain. Continuous time: the
+//! gains that the sampled drive holds differ by what sampling costs.
 
+use super::riccati::Stretch;
 use crate::drive::Cost;
 use crate::error::{Error, Result};
 use crate::model::Chain;
@@ -41,6 +48,7 @@ pub fn gains(
     flow.view_mut((n, 0), (n, n)).copy_from(&-weights);
     flow.view_mut((n, n), (n, n)).copy_from(&-a.transpose());
 
+    let singular = || Error::Design("a step of the finite-horizon solution is singular".into());
     // Pieces in which nothing grows by more than e.
     let longest = 1.0 / fastest(&a).max(1e-9);
     let mut riccati = terminal.clone();
@@ -48,26 +56,31 @@ pub fn gains(
     let mut result = Vec::with_capacity(times.len());
     for time in times {
         let left = time - reached;
-        let pieces = (left / longest).ceil().max(1.0);
         if left > 0.0 {
-            let psi = (&flow * (left / pieces)).exp();
-            let block = |row, column| psi.view((row * n, column * n), (n, n)).into_owned();
-            let (psi_11, psi_12, psi_21, psi_22) =
-                (block(0, 0), block(0, 1), block(1, 0), block(1, 1));
-            for _ in 0..pieces as u64 {
-                let matrix = &riccati * &psi_12 - &psi_22;
-                let right = &psi_21 - &riccati * &psi_11;
-                let solved = matrix.lu().solve(&right);
-                riccati = solved.ok_or_else(|| {
-                    Error::Design("a step of the finite-horizon solution is singular".into())
-                })?;
-                riccati = (&riccati + riccati.transpose()) * 0.5;
+            let doublings = (left / longest).log2().ceil().max(0.0) as i32;
+            let psi = (&flow * (left / 2_f64.powi(doublings))).exp();
+            let mut stretch = piece(&psi).ok_or_else(singular)?;
+            for _ in 0..doublings {
+                stretch = stretch.doubled().ok_or_else(singular)?.0;
             }
+            riccati = stretch.before(&riccati).ok_or_else(singular)?;
         }
         reached = *time;
         result.push(b.transpose() * &riccati / cost.current);
     }
     Ok(result)
+}
+
+/// What the time of `Ψ` does to `P`.
+fn piece(psi: &DMatrix<f64>) -> Option<Stretch> {
+    let n = psi.nrows() / 2;
+    let block = |row, column| psi.view((row * n, column * n), (n, n)).into_owned();
+    let inverse = block(1, 1).try_inverse()?;
+    Some(Stretch {
+        a: inverse.transpose(),
+        g: block(0, 1) * &inverse * -1.0,
+        h: &inverse * block(1, 0) * -1.0,
+    })
 }
 
 /// How fast anything in a chain moves, 1/s: the root of the largest row sum of `|A²|`, within a

@@ -1,6 +1,6 @@
 //! Everything a design is judged by, together.
 
-use super::checks::{Check, checks};
+use super::checks::{Check, Verdict, checks, closed_loop};
 use super::margins::Margins;
 use super::{Design, finite_horizon};
 use crate::error::Result;
@@ -16,8 +16,8 @@ pub struct Judgement {
     pub distinct_eigenvalues: bool,
     /// The checks.
     pub checks: Vec<Check>,
-    /// Margins of the drive's loop.
-    pub margins: Margins,
+    /// Margins of the drive's loop; none when it is not stable.
+    pub margins: Option<Margins>,
     /// Margins with feedback of the true state.
     pub margins_full_state: Margins,
     /// Gain over the time to go, eq. (14).
@@ -45,10 +45,12 @@ impl Judgement {
     /// # Errors
     /// [`Error::Design`](crate::error::Error::Design) when something cannot be computed.
     pub fn new(design: &Design) -> Result<Self> {
+        let stable = closed_loop(design)?.verdict != Verdict::Refuse;
+        let margins = stable.then(|| Margins::of_drive(design)).transpose()?;
         Ok(Self {
             distinct_eigenvalues: separation(&eigenvalues(&design.chain.a())?) > 1e-6,
-            checks: checks(design)?,
-            margins: Margins::of_drive(design)?,
+            checks: checks(design, margins.as_ref())?,
+            margins,
             margins_full_state: Margins::of_full_state(design)?,
             finite_horizon: convergence(design, &TIMES)?,
         })

@@ -6,8 +6,8 @@
 //! answer to it.
 
 use super::Design;
+use super::drive_loop::DriveLoop;
 use crate::error::{Error, Result};
-use arso_core::observer::Form;
 use nalgebra::{Complex, DMatrix, DVector};
 use serde::Serialize;
 
@@ -28,9 +28,12 @@ pub struct Margins {
     pub peak_sensitivity_hz: f64,
 }
 
-/// Frequencies looked at: logarithmic, fine enough for the peaks of damping ratios of 0.1 %.
-const GRID: usize = 40_000;
+/// Frequencies looked at in each decade: logarithmic, fine enough for the peaks of damping ratios of
+/// 0.1 %.
+const GRID: f64 = 8000.0;
+/// Decades below half the sample rate, at the least, and below the slowest pole of the regulator.
 const DECADES: f64 = 5.0;
+const BELOW: f64 = 2.0;
 
 type C = Complex<f64>;
 
@@ -40,11 +43,9 @@ impl Margins {
     /// # Errors
     /// [`Error::Design`] when the response cannot be computed.
     pub fn of_drive(design: &Design) -> Result<Self> {
-        let controller = Controller::new(design);
+        let drive = DriveLoop::new(design);
         Self::of(design, |z, plant| {
-            controller
-                .response(z)
-                .map(|controller| controller * plant[0])
+            drive.response(z).map(|response| response * plant[0])
         })
     }
 
@@ -79,11 +80,14 @@ impl Margins {
         };
         let mut peak = 0;
         let mut last: Option<(f64, C)> = None;
+        let slowest = design.regulator_decay()?;
+        let decades = DECADES.max((nyquist / slowest).log10() + BELOW);
+        let points = (GRID * decades).ceil() as usize;
         let frequency = |k: usize| {
-            let exponent = DECADES * (k as f64 / (GRID - 1) as f64 - 1.0);
+            let exponent = decades * (k as f64 / (points - 1) as f64 - 1.0);
             nyquist * 10_f64.powf(exponent)
         };
-        for k in 0..GRID {
+        for k in 0..points {
             let omega = frequency(k);
             let l = response(omega).ok_or_else(failed)?;
             let sensitivity = 1.0 / (1.0 + l).norm();
@@ -100,7 +104,7 @@ impl Margins {
         }
         let around = (
             frequency(peak.saturating_sub(1)),
-            frequency((peak + 1).min(GRID - 1)),
+            frequency((peak + 1).min(points - 1)),
         );
         let (omega, distance) =
             least(around, |omega| response(omega).map(|l| (1.0 + l).norm())).ok_or_else(failed)?;
@@ -186,103 +190,6 @@ fn least(
     }
     let middle = 0.5 * (low + high);
     Some((middle, function(middle)?))
-}
-
-/// The drive from measured position to command, as a transfer function.
-struct Controller<'a> {
-    design: &'a Design,
-    /// `(1 − L c) F`, `(1 − L c) g`, `L`.
-    transition: DMatrix<C>,
-    input: DVector<C>,
-    correction: DVector<C>,
-}
-
-impl<'a> Controller<'a> {
-    fn new(design: &'a Design) -> Self {
-        let observer = &design.observer;
-        let n = observer.input.len();
-        let blind = DMatrix::identity(n, n) - &observer.correction * &observer.output;
-        Self {
-            design,
-            transition: observer.error_transition().map(C::from),
-            input: (blind * &observer.input).map(C::from),
-            correction: observer.correction.map(C::from),
-        }
-    }
-
-    /// Command per metre of actuator position, the observers fed with that very command.
-    fn response(&self, z: C) -> Option<C> {
-        let per_position = self.command(z, C::from(1.0), C::from(0.0))?;
-        let per_current = self.command(z, C::from(0.0), C::from(1.0))?;
-        // The current of the last period is the command of the last period.
-        Some(per_position / (1.0 - per_current / z))
-    }
-
-    /// Command for a measured position and an applied current.
-    fn command(&self, z: C, position: C, current: C) -> Option<C> {
-        let drive = &self.design.drive;
-        let (actuator, control) = (&drive.actuator, &drive.control);
-        let period = control.sample_time;
-        let delay = 1.0 / z;
-        let lag = |cutoff: f64| {
-            let pole = (-cutoff * period).exp();
-            (1.0 - pole) / (1.0 - delay * pole)
-        };
-        let (lag_dist, lag_reac) = (
-            lag(control.disturbance_cutoff),
-            lag(control.reaction_force_cutoff),
-        );
-
-        // (19) and (18) as the core has them: two exact lags on the current, two filtered
-        // differences on the position, the deviations filtered once.
-        let (g_dist, g_reac) = (control.disturbance_cutoff, control.reaction_force_cutoff);
-        let a_reac = (-g_reac * period).exp();
-        let difference = (g_reac - g_dist) * period;
-        let ratio = if difference == 0.0 {
-            1.0
-        } else {
-            difference.exp_m1() / difference
-        };
-        let cascade_state = g_reac * period * a_reac * ratio;
-        let cascade_input = 1.0 - a_reac - cascade_state;
-        let twice = (delay * cascade_state * lag_dist + cascade_input) / (1.0 - delay * a_reac);
-        let raw_velocity = (1.0 - delay) / period * position;
-        let velocity = lag_dist * raw_velocity;
-        let acceleration = lag_reac * (1.0 - delay) / period * velocity;
-        let raw_acceleration = lag_reac * (1.0 - delay) / period * raw_velocity;
-        let force = twice * actuator.force_constant * current - acceleration * actuator.mass
-            + lag_reac * actuator.force_constant_deviation * current
-            - raw_acceleration * actuator.mass_deviation;
-
-        // z_k = (1 − L c)(F z_{k−1} + g u) + L f
-        let n = self.input.len();
-        let held = match self.design.form() {
-            Form::Anchored => raw_velocity,
-            Form::Reaction => current,
-        };
-        let matrix = DMatrix::identity(n, n) - &self.transition * delay;
-        let right = &self.input * held + &self.correction * force;
-        let state = matrix.lu().solve(&right)?;
-
-        let gain = &self.design.regulator;
-        let mut command = C::from(0.0);
-        match self.design.form() {
-            Form::Anchored => {
-                command -= position * gain[0] + velocity * gain[1];
-                for load in 0..self.design.loads() {
-                    command -= (state[2 * load] + position) * gain[2 * load + 2]
-                        + state[2 * load + 1] * gain[2 * load + 3];
-                }
-                command += state[n - 1] / actuator.actual_force_constant();
-            }
-            Form::Reaction => {
-                for (gain, state) in gain.iter().zip(state.iter()) {
-                    command -= state * *gain;
-                }
-            }
-        }
-        Some(command)
-    }
 }
 
 #[cfg(test)]

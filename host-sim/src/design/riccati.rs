@@ -19,6 +19,47 @@ pub struct Solution {
     pub residual: f64,
 }
 
+/// What a stretch of time does to a quadratic cost-to-go: with `P` at its end, at its beginning the cost
+/// is that of `H + Aᵀ P (I + G P)⁻¹ A`. `G` and `H` are symmetric and not negative.
+#[derive(Clone, Debug)]
+pub struct Stretch {
+    /// `A`.
+    pub a: DMatrix<f64>,
+    /// `G`.
+    pub g: DMatrix<f64>,
+    /// `H`.
+    pub h: DMatrix<f64>,
+}
+
+impl Stretch {
+    /// Twice the time, and what it adds to `H`; none when a linear solve fails.
+    #[must_use]
+    pub fn doubled(&self) -> Option<(Self, DMatrix<f64>)> {
+        let Self { a, g, h } = self;
+        let w = (DMatrix::identity(a.nrows(), a.nrows()) + g * h).lu();
+        let step = w.solve(a)?;
+        let grown = symmetric(&(a.transpose() * h * &step));
+        let twice = Self {
+            a: a * &step,
+            g: symmetric(&(g + a * w.solve(g)? * a.transpose())),
+            h: h + &grown,
+        };
+        Some((twice, grown))
+    }
+
+    /// Cost-to-go at the beginning from that at the end; none when a linear solve fails.
+    #[must_use]
+    pub fn before(&self, end: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let Self { a, g, h } = self;
+        let w = (DMatrix::identity(a.nrows(), a.nrows()) + g * end).lu();
+        Some(symmetric(&(h + a.transpose() * end * w.solve(a)?)))
+    }
+}
+
+fn symmetric(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    (matrix + matrix.transpose()) * 0.5
+}
+
 /// Solves the equation for `n` states and one input.
 ///
 /// * `a`: n x n, `b`: n x 1, `q`: n x n symmetric, `n`: n x 1 cross weight, `r` > 0
@@ -33,29 +74,22 @@ pub fn solve(
     r: f64,
 ) -> Result<Solution> {
     let failed = |what: &str| Error::Design(format!("a Riccati equation has no solution: {what}"));
-    let size = a.nrows();
-    let identity = DMatrix::<f64>::identity(size, size);
-
     // Completing the square removes the cross weight.
-    let mut a_k = a - b * n.transpose() / r;
-    let mut g = b * b.transpose() / r;
-    let mut h = q - n * n.transpose() / r;
+    let mut stretch = Stretch {
+        a: a - b * n.transpose() / r,
+        g: b * b.transpose() / r,
+        h: q - n * n.transpose() / r,
+    };
     let mut converged = false;
     for _ in 0..100 {
-        let w = (&identity + &g * &h).lu();
-        let step = w.solve(&a_k).ok_or_else(|| failed("a step is singular"))?;
-        let w_g = w.solve(&g).ok_or_else(|| failed("a step is singular"))?;
-        let grown = a_k.transpose() * &h * &step;
-        g = &g + &a_k * w_g * a_k.transpose();
-        g = (&g + g.transpose()) * 0.5;
-        a_k = &a_k * &step;
-        let change = grown.amax();
-        h += grown;
-        h = (&h + h.transpose()) * 0.5;
-        if !h.amax().is_finite() || !g.amax().is_finite() {
+        let (twice, grown) = stretch
+            .doubled()
+            .ok_or_else(|| failed("a step is singular"))?;
+        stretch = twice;
+        if !stretch.h.amax().is_finite() || !stretch.g.amax().is_finite() {
             return Err(failed("it cannot be stabilised"));
         }
-        if change <= 1e-15 * h.amax() {
+        if grown.amax() <= 1e-15 * stretch.h.amax() {
             converged = true;
             break;
         }
@@ -64,6 +98,7 @@ pub fn solve(
         return Err(failed("the iteration does not converge"));
     }
 
+    let h = stretch.h;
     let weight = r + (b.transpose() * &h * b).x;
     let gain = (b.transpose() * &h * a + n.transpose()) / weight;
     let back = a.transpose() * &h * a - gain.transpose() * &gain * weight + q;

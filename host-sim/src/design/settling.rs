@@ -23,6 +23,10 @@ const STEP: f64 = 1.01;
 
 /// How long is waited for the mass to settle, in settling times asked for.
 const HORIZON: f64 = 50.0;
+/// Longest request, in control periods.
+const LONGEST: f64 = 1e6;
+/// Instants at which the motion is looked at within the time asked for, at the least.
+const INSTANTS: f64 = 2000.0;
 
 /// Position and velocity weights, one entry per mass, actuator first.
 ///
@@ -37,6 +41,12 @@ pub fn weights(
     sample_time: f64,
     settling_time: f64,
 ) -> Result<(Vec<f64>, Vec<f64>), String> {
+    if settling_time > LONGEST * sample_time {
+        let longest = LONGEST * sample_time;
+        return Err(format!(
+            "must be at most {LONGEST} control periods, {longest} s"
+        ));
+    }
     let masses = chain.mass.len();
     let total: f64 = chain.mass.iter().sum();
     // A rigid drive settles in some 5 / ω; nothing sampled is faster than the samples.
@@ -53,7 +63,7 @@ pub fn weights(
         };
         // Far from the request some members have no gain; the search goes on.
         if let Ok((gain, _)) = lqr::regulator(chain, &cost, sample_time) {
-            let settled = settles(chain, &gain, sample_time, HORIZON * settling_time);
+            let settled = settles(chain, &gain, sample_time, settling_time);
             if settled <= settling_time {
                 return Ok((cost.position, cost.velocity));
             }
@@ -72,15 +82,17 @@ pub fn weights(
 }
 
 /// When the controlled mass enters the band around a step's target for good, s; infinite when not
-/// within the horizon.
-fn settles(chain: &Chain, gain: &RowDVector<f64>, sample_time: f64, horizon: f64) -> f64 {
+/// within the horizon. Where the time asked for is many control periods, every so many are looked at.
+fn settles(chain: &Chain, gain: &RowDVector<f64>, sample_time: f64, settling_time: f64) -> f64 {
     let (f, g) = discretise::zero_order_hold(&chain.a(), &chain.b(), sample_time);
-    let closed = f - g * gain;
+    let every = (settling_time / sample_time / INSTANTS).floor().max(1.0);
+    let closed = (f - g * gain).pow(every as u32);
+    let interval = every * sample_time;
     let controlled = 2 * controlled_mass(chain.loads());
     // Distance from the target, one unit at the start.
     let mut state =
         DVector::<f64>::from_fn(chain.states(), |i, _| if i % 2 == 0 { 1.0 } else { 0.0 });
-    let samples = (horizon / sample_time).ceil() as usize;
+    let samples = (HORIZON * settling_time / interval).ceil() as usize;
     let mut outside = 0;
     for k in 0..samples {
         // Written so that what is no number is outside.
@@ -95,7 +107,7 @@ fn settles(chain: &Chain, gain: &RowDVector<f64>, sample_time: f64, horizon: f64
     if outside >= samples {
         f64::INFINITY
     } else {
-        outside as f64 * sample_time
+        outside as f64 * interval
     }
 }
 
@@ -135,7 +147,7 @@ mod tests {
         assert!((stiffness / q.sqrt() - 1.0).abs() < 2e-3);
         assert!((damping / expected - 1.0).abs() < 2e-3);
         // And such a drive settles as asked for: slower weights would not.
-        let settled = settles(&chain, &gain, period, 1.0);
+        let settled = settles(&chain, &gain, period, 0.2);
         assert!(settled <= 0.2 && settled > 0.19, "{settled}");
     }
 

@@ -192,9 +192,13 @@ pub fn judgement(judged: &Judgement) -> String {
         "peak sensitivity",
     ]);
     for (name, m) in [
-        ("drive", &judged.margins),
-        ("full state", &judged.margins_full_state),
+        ("drive", judged.margins.as_ref()),
+        ("full state", Some(&judged.margins_full_state)),
     ] {
+        let Some(m) = m else {
+            margins.add_row([name, "not stable"]);
+            continue;
+        };
         let shown = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.1}"));
         margins.add_row([
             Cell::new(name),
