@@ -167,15 +167,18 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>> {
     let mut balanced = matrix.clone();
     nalgebra::linalg::balancing::balance_parlett_reinsch(&mut balanced);
     let n = matrix.nrows();
-    // Entries count as zero against their neighbours on the diagonal, which never happens around an
-    // eigenvalue of zero that has too few eigenvectors (pure delays): then all are moved away from zero.
-    let moved = [0.0, balanced.amax()].into_iter().find_map(|shift| {
+    // Entries count as zero against their neighbours on the diagonal: as sharply as rounding allows, or
+    // else less so, or else, for eigenvalues of zero with too few eigenvectors (pure delays), with all
+    // eigenvalues moved away from zero.
+    let size = balanced.amax();
+    let attempts = [(0.0, 1.0), (0.0, 16.0), (size, 16.0), (size, 256.0)];
+    let schur = attempts.into_iter().find_map(|(shift, roundings)| {
         let moved = &balanced + DMatrix::identity(n, n) * shift;
-        let schur = nalgebra::Schur::try_new(moved, f64::EPSILON, 1000)?;
+        let schur = nalgebra::Schur::try_new(moved, roundings * f64::EPSILON, 1000)?;
         Some((schur, shift))
     });
     let (schur, shift) =
-        moved.ok_or_else(|| Error::Design("an eigenvalue iteration did not converge".into()))?;
+        schur.ok_or_else(|| Error::Design("an eigenvalue iteration did not converge".into()))?;
     // Read off the blocks on the diagonal here: the crate's own reading takes the root of a negative
     // number where rounding makes a real pair of what stands in one block.
     let (_, t) = schur.unpack();

@@ -62,7 +62,7 @@ impl DesignCommand {
         match refused {
             None => Ok(()),
             Some(check) => Err(Error::Design(format!(
-                "the check {} refuses it ({:.3e}, limit {:.3e}): {}",
+                "the check {} refuses it ({:.4e}, limit {:.4e}): {}",
                 check.name, check.value, check.limit, check.advice
             ))),
         }

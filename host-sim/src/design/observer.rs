@@ -119,7 +119,15 @@ fn anchored(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<Observ
                 .collect();
             // The error goes by (1 − L c) F = F − L (c F).
             let seen = &output_part * &transition_part;
-            placement::place(&transition_part.transpose(), &seen.transpose(), &discrete)?
+            let placed =
+                placement::place(&transition_part.transpose(), &seen.transpose(), &discrete);
+            placed.map_err(|_| {
+                Error::Design(format!(
+                    "observer.speed = {}: poles that fast cannot be placed accurately, lower it or use \
+                     observer.design = \"kalman\"",
+                    settings.speed
+                ))
+            })?
         }
     };
     let mut correction = DVector::zeros(n);

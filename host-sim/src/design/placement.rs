@@ -15,10 +15,11 @@ const ACCURACY: f64 = 1e-7;
 ///
 /// # Errors
 /// [`Error::Design`] when the poles cannot be placed, or not accurately: a pole that `b` cannot move,
-/// one that is asked for twice, or one that `A` has already.
+/// one that is asked for twice, or one that
+/// `A` has already; and where many poles must move far, so that rounding moves them as well.
 pub fn place(a: &DMatrix<f64>, b: &DVector<f64>, poles: &[Complex<f64>]) -> Result<DVector<f64>> {
     let n = b.len();
-    let failed = || Error::Design("the observer's poles cannot be placed: use kalman".into());
+    let failed = || Error::Design("the poles cannot be placed accurately".into());
     let (a_complex, b_complex) = (a.map(Complex::from), b.map(Complex::from));
     let mut vectors = DMatrix::<Complex<f64>>::zeros(n, n);
     let mut weights = DVector::<Complex<f64>>::zeros(n);
