@@ -27,19 +27,12 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Design regulator and observer of a drive.
     Design(design::DesignCommand),
-    /// Read the drive's log into table, CSV and plot.
     Capture(capture::CaptureCommand),
-    /// Set the drive beside its rivals, on plants that differ.
     Compare(compare::CompareCommand),
-    /// Identify masses, springs and friction from a log.
     Identify(identify::IdentifyCommand),
-    /// Form the current that the drive plays to be identified.
     Excite(excite::ExciteCommand),
-    /// Show what the gains printed in the paper do.
     Paper(paper::PaperCommand),
-    /// Simulate experiments on a drive (what the program does without a command).
     Simulate(simulate::Simulate),
 }
 

@@ -18,7 +18,7 @@ pub use shaper::Shaper;
 
 use crate::design::Design;
 use crate::drive::PlantFile;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::metrics::Metrics;
 use crate::scenario::{SCENARIOS, Scenario};
 use crate::simulate::{Control, Core, FullState, Law, Run, close_loop};
@@ -79,6 +79,8 @@ const FRICTION: f64 = 0.0155;
 /// Length of the runs, in periods of the slowest mode, and at least, s.
 const PERIODS: f64 = 15.0;
 const SHORTEST: f64 = 1.2;
+/// Longest runs, in control periods: thousands of runs are made.
+const LONGEST: f64 = 50_000.0;
 
 /// The step that is compared: the paper's first.
 fn scenario() -> &'static Scenario {
@@ -153,6 +155,13 @@ pub fn compare(design: &Design) -> Result<Vec<Row>> {
     let duration = duration(design);
     let target = scenario().target;
     let period = design.drive.control.sample_time;
+    if duration > LONGEST * period {
+        return Err(Error::Simulation(format!(
+            "{PERIODS} periods of the slowest mode are {duration:.1} s, {:.0} control periods: at most \
+             {LONGEST} can be compared",
+            duration / period
+        )));
+    }
     let run = |case: &Case, law, control: &mut dyn Control| {
         let plant = (&case.plant, case.late);
         close_loop(law, control, plant, scenario(), (period, duration))

@@ -18,6 +18,7 @@ mod source;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::model::Chain;
+use crate::report::significant;
 use arso_core::Current;
 use arso_core::limits::Limits;
 
@@ -35,6 +36,7 @@ const PERIOD: f64 = 2.048;
 const SLOWEST: f64 = 4.0;
 /// Band where none is asked for, in terms of the slowest and the fastest mode.
 const BELOW_MODES: f64 = 0.2;
+const AT_MODES: f64 = 0.8;
 const ABOVE_MODES: f64 = 1.5;
 /// Highest frequency times the control period: 80 % of what sampling can show.
 const HIGHEST: f64 = 0.4;
@@ -136,7 +138,7 @@ impl Play {
         let sample_time = drive.control.sample_time;
         let band = band(drive, wish)?;
         let half = half(wish, band, sample_time)?;
-        let lines = lines(band, half, sample_time)?;
+        let lines = lines(wish, band, half, sample_time)?;
         let length = 2 * half * usize::from(wish.repetitions);
         if length > LONGEST_PLAY {
             return usage(format!(
@@ -163,9 +165,12 @@ impl Play {
         // A few rounding errors wide: 1 A is 1000 steps of 1 mA. The unit keeps it within an i16.
         let mut peak = (current / unit * (1.0 + 1e-9)).floor() as i16;
         if peak < LEAST_PEAK {
+            let given = match wish.current {
+                Some(current) => format!("--current {current}"),
+                None => format!("the current limit of {current} A"),
+            };
             return usage(format!(
-                "--current {current}: must be {LEAST_PEAK} steps of the current output of \
-                 {unit} A at least"
+                "{given}: must be {LEAST_PEAK} steps of the current output of {unit} A at least"
             ));
         }
         let mut play = Self {
@@ -263,7 +268,17 @@ fn band(drive: &Drive, wish: &Wish) -> Result<[f64; 2]> {
     let modes = Chain::new(&drive.actuator, &drive.loads, 0.0).modes();
     let highest = HIGHEST / drive.control.sample_time;
     let of_mode = |mode: Option<&crate::model::Mode>| mode.map_or(highest, |m| m.frequency_hz);
-    let from = wish.from.unwrap_or(BELOW_MODES * of_mode(modes.first()));
+    // Lower than any mode, but not lower than a table can hold.
+    let slowest = of_mode(modes.first());
+    let lowest = SLOWEST / (LONGEST_TABLE as f64 * drive.control.sample_time) * (1.0 + 1e-9);
+    if wish.from.is_none() && lowest > AT_MODES * slowest {
+        return usage(format!(
+            "the slowest mode of {slowest:.3} Hz is too slow to be excited within {LONGEST_TABLE} control \
+             periods of {} s: --from and --period say what is wanted instead",
+            drive.control.sample_time
+        ));
+    }
+    let from = wish.from.unwrap_or(lowest.max(BELOW_MODES * slowest));
     let to = wish
         .to
         .unwrap_or((ABOVE_MODES * of_mode(modes.last())).min(highest));
@@ -293,10 +308,10 @@ fn half(wish: &Wish, [from, _]: [f64; 2], sample_time: f64) -> Result<usize> {
             return Ok((0.5 * samples).round() as usize);
         }
         return usage(format!(
-            "--period {period}: must be from 1 / --from = {:.4} s to {LONGEST_TABLE} control periods \
-             = {} s",
-            1.0 / from,
-            longest * sample_time
+            "--period {period}: must be from one period of the lower end of the band, {} s, to \
+             {LONGEST_TABLE} control periods, {} s",
+            significant(1.0 / from, 4),
+            significant(longest * sample_time, 4)
         ));
     }
     let needed = SLOWEST / (from * sample_time);
@@ -304,7 +319,7 @@ fn half(wish: &Wish, [from, _]: [f64; 2], sample_time: f64) -> Result<usize> {
         return usage(format!(
             "--from {from}: must be {} Hz at least, {SLOWEST} of its periods must fit into \
              {LONGEST_TABLE} control periods where no --period is given",
-            SLOWEST / (longest * sample_time)
+            significant(SLOWEST / (longest * sample_time), 4)
         ));
     }
     let usual = (0.5 * PERIOD / sample_time).round().min(0.5 * longest);
@@ -312,7 +327,7 @@ fn half(wish: &Wish, [from, _]: [f64; 2], sample_time: f64) -> Result<usize> {
 }
 
 /// Odd multiples of 1 / period in the band.
-fn lines([from, to]: [f64; 2], half: usize, sample_time: f64) -> Result<Vec<usize>> {
+fn lines(wish: &Wish, [from, to]: [f64; 2], half: usize, sample_time: f64) -> Result<Vec<usize>> {
     let period = 2.0 * half as f64 * sample_time;
     // What lies on an end of the band, lies in it.
     let first = (from * period - 1e-6).ceil().max(1.0) as usize;
@@ -320,7 +335,10 @@ fn lines([from, to]: [f64; 2], half: usize, sample_time: f64) -> Result<Vec<usiz
     let lines: Vec<usize> = (first | 1..=last).step_by(2).collect();
     if lines.is_empty() {
         return usage(format!(
-            "--period {period}: no odd multiple of its inverse lies from {from} to {to} Hz, make it longer"
+            "--period {}: no odd multiple of its inverse lies from {} to {} Hz, make it longer",
+            wish.period.unwrap_or(period),
+            significant(from, 4),
+            significant(to, 4)
         ));
     }
     Ok(lines)
@@ -329,7 +347,11 @@ fn lines([from, to]: [f64; 2], half: usize, sample_time: f64) -> Result<Vec<usiz
 /// Peak current, A.
 fn current(drive: &Drive, wish: &Wish) -> Result<f64> {
     let limit = drive.actuator.current_limit;
-    let current = wish.current.unwrap_or(SHARE * limit);
+    // A small motor may need more of its limit for the output to have steps enough.
+    let least = f64::from(LEAST_PEAK) * drive.actuator.current_resolution;
+    let current = wish
+        .current
+        .unwrap_or((SHARE * limit).max(least).min(limit));
     if current > 0.0 && current <= limit {
         Ok(current)
     } else {
@@ -451,15 +473,13 @@ mod tests {
             for signal in [Signal::Multisine, Signal::Chirp] {
                 let wish = Wish {
                     signal,
-                    current: Some(limit),
                     repetitions: 1,
-                    // 10 kHz and more: the slowest line by itself takes longer than a table.
-                    from: (sample_time < 1e-4).then_some(5.0),
                     ..Wish::default()
                 };
                 let play = Play::new(&drive, &wish).unwrap();
                 assert!(play.table.len() <= LONGEST_TABLE && play.lines[0] >= 4);
-                assert!(play.peak() <= limit * (1.0 + 1e-9) && play.peak() > 0.9 * limit);
+                let wanted = (0.25 * limit).max(10.0 * resolution);
+                assert!(play.peak() <= wanted * (1.0 + 1e-9) && play.peak() > 0.9 * wanted);
                 if resolution > 0.0 {
                     let steps = play.unit / resolution;
                     assert!((steps - steps.round()).abs() < 1e-6, "{steps}");

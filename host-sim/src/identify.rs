@@ -70,6 +70,8 @@ pub struct Identification {
     pub fit_percent: f64,
     /// Position and simulated position above that frequency, m.
     pub fitted: Vec<(f64, f64)>,
+    /// Control periods at the end of the log that were left out.
+    pub left_out: usize,
     /// Innovations, m.
     pub innovations: Vec<f64>,
     /// Correlation of neighbouring innovations, by lag; near zero when the model misses nothing.
@@ -81,6 +83,9 @@ pub struct Identification {
 /// Lags over which the correlation of the innovations widens the intervals, in periods of the slowest
 /// mode, and at most, samples.
 const MEMORY: (f64, usize) = (1.0, 400);
+
+/// Least fit, %: with less the figures are those of some other machine.
+const LEAST_FIT: f64 = 50.0;
 
 /// Identifies what is not held.
 ///
@@ -152,11 +157,20 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
         error += (measured - simulated).powi(2);
         motion += measured.powi(2);
     }
+    let fit_percent = 100.0 * (1.0 - f64::sqrt(error / motion));
+    // Written so that what is no number is refused.
+    if !(fit_percent >= LEAST_FIT) {
+        return Err(refused(format!(
+            "the best machine of this structure explains {fit_percent:.0} % of the motion, {LEAST_FIT} % at \
+             least are needed: is the log of this drive, and of this --run?"
+        )));
+    }
     Ok(Identification {
         quantities,
         machine,
-        fit_percent: 100.0 * (1.0 - (error / motion).sqrt()),
+        fit_percent,
         fitted,
+        left_out: log.left_out,
         correlation: (0..=memory).map(|lag| correlation(&errors, lag)).collect(),
         innovations: errors[..log.current.len()]
             .iter()

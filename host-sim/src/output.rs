@@ -4,12 +4,16 @@ use crate::error::{Error, Result};
 use std::io::Write;
 use std::path::Path;
 
-/// Writes a file so that at any moment either the old or the complete new one is there.
+/// Writes a regular file so that at any moment either the old or the complete new one is there.
 ///
 /// # Errors
 /// [`Error::Write`]; the old file then stands.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
     let error = Error::write(path);
+    // A device or a pipe would be replaced by a file.
+    if path.metadata().is_ok_and(|found| !found.is_file()) {
+        return Err(error(std::io::Error::other("is there and is no file")));
+    }
     let directory = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),

@@ -139,12 +139,16 @@ impl Plant {
 
     fn in_substeps(&mut self, motor: f64) {
         for _ in 0..SUBSTEPS {
-            let time = (self.substeps as f64 + 0.5) * self.substep;
+            let begin = self.substeps as f64 * self.substep;
             let mut next = &self.transition * &self.state;
             next.axpy(motor, &self.force_response[0], 1.0);
             for force in &self.forces {
-                if (force.start..force.start + force.duration).contains(&time) {
-                    next.axpy(force.newton, &self.force_response[force.mass], 1.0);
+                // The mean over the step, so that no force loses its momentum.
+                let until = (force.start + force.duration).min(begin + self.substep);
+                let share = (until - force.start.max(begin)) / self.substep;
+                if share > 0.0 {
+                    let newton = share * force.newton;
+                    next.axpy(newton, &self.force_response[force.mass], 1.0);
                 }
             }
             if self.coulomb > 0.0 {
@@ -192,17 +196,21 @@ mod tests {
     /// Force on a load, from 10 to 30 ms: the momentum is force times duration.
     #[test]
     fn external_force_gives_its_momentum() {
-        let force = ExternalForce {
-            mass: 2,
-            start: 0.01,
-            duration: 0.02,
-            newton: -3.0,
-        };
-        let mut plant = plant(|file| file.forces.push(force));
-        for _ in 0..100 {
-            plant.advance(0.0).unwrap();
+        // Whole periods, whole steps, and neither.
+        for (start, duration) in [(0.01, 0.02), (0.010_05, 0.000_1), (0.010_03, 0.000_04)] {
+            let force = ExternalForce {
+                mass: 2,
+                start,
+                duration,
+                newton: -3.0,
+            };
+            let mut plant = plant(|file| file.forces.push(force));
+            for _ in 0..100 {
+                plant.advance(0.0).unwrap();
+            }
+            let found = centre_of_mass(&plant, 1) / (-3.0 * duration / 0.116);
+            assert!((found - 1.0).abs() < 1e-9, "{start} {duration}: {found}");
         }
-        assert!((centre_of_mass(&plant, 1) + 3.0 * 0.02 / 0.116).abs() < 1e-12);
     }
 
     /// Below the Coulomb force nothing moves; beyond it a rigid drive accelerates with what is

@@ -173,6 +173,14 @@ fn gains_are_written_whole_or_not_at_all() {
             .starts_with("//! Gains of the drive.")
     );
 
+    // So does a device: it is not replaced.
+    #[cfg(unix)]
+    {
+        let (code, _, error) = run(&["design", "--rust", "/dev/full"]);
+        assert_eq!((code, error.lines().count()), (1, 1), "{error}");
+        assert!(!fs::metadata("/dev/full").unwrap().is_file());
+    }
+
     // A directory stands where the file should go: an error, and the directory stays.
     let blocked = directory.path().join("blocked");
     fs::create_dir(&blocked).unwrap();
@@ -511,6 +519,7 @@ fn wrong_usage_is_exit_code_2() {
         &["--scenario", "fig7"][..],
         &["--duration", "0"],
         &["--duration", "nan"],
+        &["--duration", "1000.1"],
         &["design", "--plant", "x"],
         &["simulate", "/nonexistent.toml"],
         &["--plant", "/nonexistent.toml"],

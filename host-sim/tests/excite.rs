@@ -148,17 +148,18 @@ fn what_cannot_be_played_gets_one_sentence() {
         (&["--to", "inf"], "--to inf: must be above 0"),
         (
             &["--from", "0.1"],
-            "--from 0.1: must be 0.2 Hz at least, 4 of its periods must fit into 20000",
+            "--from 0.1: must be 0.2000 Hz at least, 4 of its periods must fit into 20000",
         ),
         (
             &["--period", "0.1"],
-            "--period 0.1: must be from 1 / --from = 0.4189 s to 20000 control periods = 20 s",
+            "--period 0.1: must be from one period of the lower end of the band, 0.4189 s, to 20000 \
+             control periods, 20.00 s",
         ),
         (&["--period", "20.1"], "--period 20.1: must be from"),
         (&["--period", "nan"], "--period NaN: must be from"),
         (
             &["--from", "10.1", "--to", "10.2", "--period", "0.5"],
-            "--period 0.5: no odd multiple of its inverse lies from 10.1 to 10.2 Hz, make it longer",
+            "--period 0.5: no odd multiple of its inverse lies from 10.10 to 10.20 Hz, make it longer",
         ),
         (
             &["--repeat", "489"],

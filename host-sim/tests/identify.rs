@@ -40,6 +40,24 @@ fn excitation(drive: &Drive) -> Vec<f64> {
     play.currents().map(f64::from).collect()
 }
 
+/// The same log with the encoder's phases swapped.
+fn reversed(log: &str) -> String {
+    let rows = log.lines().skip(1).map(|row| {
+        let fields: Vec<&str> = row.split(',').collect();
+        let count: u32 = fields[1].parse().unwrap();
+        format!(
+            "{},{},{}\n",
+            fields[0],
+            (65_536 - count) % 65_536,
+            fields[2]
+        )
+    });
+    format!(
+        "time[s],count[1],applied_current[A]\n{}",
+        rows.collect::<String>()
+    )
+}
+
 /// Identifies from a text; returns exit code, output and the error without the directory.
 fn identify(log: &str, arguments: &[&str]) -> (i32, String, String) {
     let directory = tempfile::tempdir().unwrap();
@@ -264,6 +282,11 @@ fn bad_logs_get_one_sentence_that_says_where() {
             "log.csv:3: the actuator moves by",
         ),
         (
+            reversed(&good),
+            &[],
+            "log.csv: the encoder counts against the current: swap the encoder's phases or",
+        ),
+        (
             good.clone(),
             &["--hold", "load[4].mass"],
             "--hold load[4].mass: must be one of",
@@ -314,6 +337,11 @@ fn what_a_log_does_not_determine_is_refused() {
     assert_eq!((code, text.as_str()), (1, ""), "{error}");
     assert!(error.contains("nothing was identified"), "{error}");
     assert_eq!(error.lines().count(), 1, "{error}");
+    // The whole chain taken for the actuator alone: nothing of that explains its swings.
+    let free = [&arguments[..], &["--run", "free"]].concat();
+    let (code, text, error) = identify(&log(&plant, excitation(&drive)), &free);
+    assert_eq!((code, text.as_str()), (1, ""), "{error}");
+    assert!(error.contains("% of the motion, 50 % at least"), "{error}");
     // A band that ends below the second and third modes.
     let wish = Wish {
         to: Some(14.0),

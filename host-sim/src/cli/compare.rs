@@ -11,8 +11,10 @@ use comfy_table::{Table, presets};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Set the drive beside its rivals, tuned on the same plants in the same run: collocated PD alone and
-/// with ZV, ZVD and EI shapers, a Kalman filter on the encoder, and feedback of the true state.
+/// Set the drive beside its rivals, on plants that differ.
+///
+/// The rivals are tuned on the same plants in the same run: collocated PD alone and with ZV, ZVD and EI
+/// shapers, and a Kalman filter on the encoder. Feedback of the true state is the bound.
 #[derive(Debug, Args)]
 pub(super) struct CompareCommand {
     /// Description of the drive; the paper's rig when not given.

@@ -4,6 +4,7 @@ use crate::drive::{DEFAULT_NAME, Drive};
 use crate::error::Result;
 use crate::excite::{Play, Signal, Wish, csv, source};
 use crate::output::{print, write_file};
+use crate::report::significant;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -73,10 +74,11 @@ impl ExciteCommand {
         }
         if let Some(current) = play.reduced_from {
             eprintln!(
-                "warning: the travel of {} {} allows {:.3} A instead of {current:.3} A",
+                "warning: the travel of {} {} allows {} A instead of {} A",
                 play.travel,
                 drive.kind.units().position,
-                play.peak()
+                significant(play.peak(), 3),
+                significant(current, 3)
             );
         }
         if self.csv {
@@ -100,21 +102,21 @@ fn summary(play: &Play, drive: &Drive) -> String {
     format!(
         "signal              {}, {} lines from {from:.3} to {to:.3} Hz\n\
          duration            {} x {:.3} s = {:.3} s, {} control periods each\n\
-         current             {:.3} A peak, {:.3} A rms\n\
-         predicted travel    {:.3} {milli} ({:.0} counts), at most {:.3} {milli} allowed\n\
-         predicted stretch   {:.3} {milli} at most, of spring {}\n",
+         current             {} A peak, {} A rms\n\
+         predicted travel    {} {milli} ({:.0} counts), at most {} {milli} allowed\n\
+         predicted stretch   {} {milli} at most, of spring {}\n",
         play.signal.name(),
         play.lines.len(),
         play.repetitions,
         play.period(),
         play.duration(),
         play.table.len(),
-        play.peak(),
-        play.rms(),
-        1e3 * prediction.travel,
+        significant(play.peak(), 3),
+        significant(play.rms(), 3),
+        significant(1e3 * prediction.travel, 5),
         prediction.travel / drive.encoder.resolution,
-        1e3 * play.travel,
-        1e3 * prediction.stretch,
+        significant(1e3 * play.travel, 5),
+        significant(1e3 * prediction.stretch, 5),
         prediction.spring,
     )
 }

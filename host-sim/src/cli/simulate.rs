@@ -38,6 +38,9 @@ pub(super) struct Simulate {
     csv: bool,
 }
 
+/// Longest experiment, in control periods: every one is kept.
+const LONGEST: f64 = 1e6;
+
 fn scenario_names() -> PossibleValuesParser {
     PossibleValuesParser::new(SCENARIOS.iter().map(|scenario| scenario.name))
 }
@@ -69,6 +72,12 @@ impl Simulate {
         if self.duration / drive.control.sample_time < 2.0 {
             return Err(Error::Usage(format!(
                 "--duration {}: must be two control periods of {} s at least",
+                self.duration, drive.control.sample_time
+            )));
+        }
+        if self.duration / drive.control.sample_time > LONGEST {
+            return Err(Error::Usage(format!(
+                "--duration {}: must be {LONGEST} control periods of {} s at most",
                 self.duration, drive.control.sample_time
             )));
         }

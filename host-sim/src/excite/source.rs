@@ -2,6 +2,7 @@
 
 use super::Play;
 use crate::drive::Drive;
+use crate::report::time;
 use std::fmt::Write;
 
 /// Entries of the table on a line of the source.
@@ -60,7 +61,7 @@ pub fn csv(play: &Play) -> String {
     let mut text = String::from("time[s],current[A]\n");
     for (k, current) in play.currents().enumerate() {
         // Whole microseconds, as everywhere.
-        let time = (k as f64 * play.sample_time * 1e6).round() / 1e6;
+        let time = time(k as f64 * play.sample_time);
         let _ = writeln!(text, "{time},{current}");
     }
     text

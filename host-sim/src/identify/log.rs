@@ -3,7 +3,8 @@
 //!
 //! `count` is the encoder at `time`, `applied_current` the current over the period that ends then. Other
 //! columns are ignored but one: where a `state[name]` says what the drive was doing, the longest stretch
-//! of excitation is taken, or else of closed loop. The stretch must begin at rest.
+//! of excitation is taken, or else of closed loop. The stretch must begin at rest; a longer rest is left
+//! out, and so is what comes after the first minute at a control period of a millisecond.
 
 use crate::drive::Drive;
 use crate::error::{Error, Result};
@@ -19,10 +20,14 @@ pub struct Log {
     pub position: Vec<f64>,
     /// Current over the period that follows each sample but the last, A.
     pub current: Vec<f64>,
+    /// Control periods at the end that were left out.
+    pub left_out: usize,
 }
 
 /// Fewer rows say nothing.
 const FEWEST: usize = 200;
+/// More rows say little more, and take minutes.
+const MOST: usize = 60_000;
 /// Counts that the actuator must travel, so that rounding does not hide its motion.
 const TRAVEL: f64 = 100.0;
 /// Counts by which the first period may move the actuator beyond what its current can do.
@@ -63,7 +68,9 @@ impl Log {
             message,
         };
         let rows = rows(text, &error)?;
-        let rows = stretch(&rows);
+        let rows = moving(stretch(&rows));
+        let left_out = rows.len().saturating_sub(MOST);
+        let rows = &rows[..rows.len() - left_out];
         if rows.len() < FEWEST {
             let message = format!("{} control periods: must be {FEWEST} at least", rows.len());
             return Err(error(None, message));
@@ -127,6 +134,16 @@ impl Log {
             );
             return Err(error(Some(rows[1].line), message));
         }
+        // From rest a current can only give energy to a machine, whatever its springs.
+        let steps = position.windows(2).map(|pair| pair[1] - pair[0]);
+        let work = steps
+            .zip(&rows[1..])
+            .map(|(step, row)| step as f64 * row.current);
+        if work.sum::<f64>() < 0.0 {
+            let message = "the encoder counts against the current: swap the encoder's phases or the motor's \
+                           leads";
+            return Err(error(None, message.into()));
+        }
         Ok(Self {
             period,
             position: position
@@ -134,6 +151,7 @@ impl Log {
                 .map(|count| *count as f64 * drive.encoder.resolution)
                 .collect(),
             current: rows[1..].iter().map(|row| row.current).collect(),
+            left_out,
         })
     }
 
@@ -145,6 +163,7 @@ impl Log {
             period: self.period,
             position: self.position[..=periods].to_vec(),
             current: self.current[..periods].to_vec(),
+            left_out: self.left_out,
         }
     }
 }
@@ -219,6 +238,14 @@ fn stretch(rows: &[Row]) -> &[Row] {
     rows
 }
 
+/// Without the rest before anything moves, but for its last row.
+fn moving(rows: &[Row]) -> &[Row] {
+    let first = rows.first().map_or(0, |row| row.count);
+    let moves = |row: &Row| row.current != 0.0 || (row.count - first).abs() as f64 > REST;
+    let at = rows.iter().position(moves).unwrap_or(0);
+    &rows[at.saturating_sub(1)..]
+}
+
 /// Counts from the first row on, without the counter's wrapping; line and size of a jump.
 fn unwrapped(rows: &[Row], bits: u32) -> std::result::Result<Vec<i64>, (usize, i64)> {
     let range = 1_i64 << bits;
@@ -238,4 +265,33 @@ fn unwrapped(rows: &[Row], bits: u32) -> std::result::Result<Vec<i64>, (usize, i
         positions.push(total);
     }
     Ok(positions)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fmt::Write;
+
+    /// A rest before the motion and a day after it change nothing.
+    #[test]
+    fn rest_and_excess_are_left_out() {
+        let drive = Drive::default_drive();
+        let text = |rest: usize, periods: usize| {
+            let mut text = "time[s],count[1],applied_current[A]\n".to_owned();
+            for k in 0..rest + periods {
+                let time = k as f64 * 1e-3;
+                let moving = k.saturating_sub(rest) as f64 * 1e-3;
+                let count = (40_000.0 * (3.0 * moving).sin().powi(4)) as i64 & 0xffff;
+                let current = if k > rest { (5.0 * moving).cos() } else { 0.0 };
+                let _ = writeln!(text, "{time},{count},{current}");
+            }
+            text
+        };
+        let parse = |text: String| Log::parse(text.as_bytes(), "log", &drive).unwrap();
+        let plain = parse(text(0, 1000));
+        assert_eq!(parse(text(5000, 1000)), plain);
+        let long = parse(text(0, MOST + 777));
+        assert_eq!((long.left_out, long.position.len()), (777, MOST));
+        assert_eq!(long.position[..1000], plain.position[..]);
+    }
 }

@@ -24,8 +24,7 @@ pub fn csv(run: &Run) -> Result<Vec<u8>> {
         .map_err(|e| failed(e.to_string()))?;
     for sample in &run.samples {
         let mut row = vec![
-            // Whole microseconds: 0.1 + 0.2 has no place in a time column.
-            format!("{}", (sample.time * 1e6).round() / 1e6),
+            super::time(sample.time).to_string(),
             sample.count.to_string(),
             sample.applied_current.to_string(),
             sample.command.to_string(),

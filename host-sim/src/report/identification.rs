@@ -1,6 +1,7 @@
 //! What was identified: a table, and how well the model explains the log as a plot.
 
 use super::plot::{Panel, Series, panels};
+use super::significant;
 use crate::drive::Drive;
 use crate::error::Result;
 use crate::identify::{Identification, Kind, Quantity, model_response};
@@ -46,16 +47,20 @@ pub fn table(drive: &Drive, identification: &Identification) -> String {
         };
         table.add_row([
             Cell::new(identified.quantity.name()),
-            right(format!("{:.6}", identified.value)),
+            right(significant(identified.value, 6)),
             right(deviation),
             Cell::new(identified.quantity.unit(units)),
-            right(format!("{:.6}", identified.before)),
+            right(significant(identified.before, 6)),
             right(change),
         ]);
     }
+    let left_out = match identification.left_out {
+        0 => String::new(),
+        periods => format!("the last {periods} control periods of the log were not needed\n"),
+    };
     format!(
         "{table}\nfit: {:.2} % of the motion above half of the slowest mode, simulated from the current \
-         alone\n",
+         alone\n{left_out}",
         identification.fit_percent
     )
 }

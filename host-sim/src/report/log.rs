@@ -27,8 +27,7 @@ fn column(units: &Units, name: &str) -> String {
 /// Time of a record from the first one on, s.
 fn time(capture: &Capture, record: &LogRecord, period: f64) -> f64 {
     let first = capture.records.first().map_or(0, |record| record.step);
-    let seconds = f64::from(record.step.wrapping_sub(first)) * period;
-    (seconds * 1e6).round() / 1e6
+    super::time(f64::from(record.step.wrapping_sub(first)) * period)
 }
 
 /// One row per record.

@@ -9,6 +9,7 @@ use host_sim::capture::read_defmt;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::error::Error;
 use host_sim::output::{print, write_file};
+use host_sim::report::time;
 use host_sim::scenario::{SCENARIOS, Scenario};
 use serde_json::json;
 use std::path::PathBuf;
@@ -158,7 +159,7 @@ impl Cli {
 fn table(periods: &[Period], sample_time: f64) -> String {
     let mut text = String::from("time[s],count[1],code[1],enabled[1]\n");
     for (k, period) in periods.iter().enumerate() {
-        let time = (k as f64 * sample_time * 1e6).round() / 1e6;
+        let time = time(k as f64 * sample_time);
         let code = period.code.map_or(String::new(), |code| code.to_string());
         text += &format!(
             "{time},{},{code},{}\n",
