@@ -97,7 +97,7 @@ def observer(drive, a, mass):
     g = np.zeros(n)
     g[0 : 2 * loads : 2] = -1.0
     g[1 : 2 * loads : 2] = a[3::2, 1]
-    g[q1] = g_dist * c1
+    g[q1] = g_dist * (c1 + drive.get("friction", {}).get("viscous", 0.0))
     big = np.zeros((n + 1, n + 1))
     big[:n, :n], big[:n, n] = f, g
     big = expm(big * t)

@@ -186,14 +186,15 @@ pub(super) fn anchored_model(drive: &Drive, chain: &Chain) -> (DMatrix<f64>, DVe
         b[2 * load + 1] = chain_a[(2 * load + 3, 1)];
     }
 
-    // Reaction force −k_1 r_1 + c_1 (v_a − v_1) and d, through both lags.
+    // Reaction force −k_1 r_1 + c_1 (v_a − v_1), the viscous friction that is known, and d, through
+    // both lags. In d it would be compensated, and the gain is that of a drive that has it.
     let (g_dist, g_reac) = (
         drive.control.disturbance_cutoff,
         drive.control.reaction_force_cutoff,
     );
     a[(q1, 0)] = -g_dist * chain.stiffness[0];
     a[(q1, 1)] = -g_dist * chain.damping[0];
-    b[q1] = g_dist * chain.damping[0];
+    b[q1] = g_dist * (chain.damping[0] + chain.viscous);
     a[(q1, d)] = g_dist;
     a[(q1, q1)] = -g_dist;
     a[(q2, q1)] = g_reac;
