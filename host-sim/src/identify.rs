@@ -158,8 +158,7 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
         motion += measured.powi(2);
     }
     let fit_percent = 100.0 * (1.0 - f64::sqrt(error / motion));
-    // Written so that what is no number is refused.
-    if !(fit_percent >= LEAST_FIT) {
+    if fit_percent.is_nan() || fit_percent < LEAST_FIT {
         return Err(refused(format!(
             "the best machine of this structure explains {fit_percent:.0} % of the motion, {LEAST_FIT} % at \
              least are needed: is the log of this drive, and of this --run?"
