@@ -148,8 +148,8 @@ pub fn cases(design: &Design) -> Vec<Case> {
 /// All laws on all plants.
 ///
 /// # Errors
-/// [`Error::Design`](crate::error::Error::Design) or
-/// [`Error::Simulation`](crate::error::Error::Simulation) when a rival cannot be formed.
+/// [`Error::Design`] or
+/// [`Error::Simulation`] when a rival cannot be formed.
 pub fn compare(design: &Design) -> Result<Vec<Row>> {
     let cases = cases(design);
     let duration = duration(design);
