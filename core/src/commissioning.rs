@@ -83,6 +83,12 @@ impl Commissioning {
         }
     }
 
+    /// What proves that the encoder moves, m.
+    #[must_use]
+    pub fn least_motion(&self) -> f32 {
+        COUNTS * self.resolution
+    }
+
     /// One period at a measured position.
     ///
     /// # Errors

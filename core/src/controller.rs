@@ -145,6 +145,8 @@ impl<const N: usize, const S: usize> Controller<N, S> {
             }
             Request::Excite(excitation) => {
                 if memory.supervisor.excite() {
+                    memory.commissioning = commissioning::State::default();
+                    memory.starting = true;
                     memory.excitation = (excitation, excitation::State::default());
                     memory.pending = None;
                 }
@@ -183,13 +185,21 @@ impl<const N: usize, const S: usize> Controller<N, S> {
     ///
     /// The same path is taken in every running period; its cost does not depend on the values,
     /// apart from the one period in which a move is planned (two square roots and a cube root
-    /// more). A drive that excites does less. Idle and faulted drives get zero current and a disabled amplifier.
+    /// more). A drive that excites does less. Idle and faulted drives get zero current and a disabled
+    /// amplifier.
     pub fn step(&mut self, measurement: Measurement) -> Command {
         let memory = &mut self.memory;
         let reading = self.encoder.step(&mut memory.encoder, measurement.count);
         memory.telemetry.step = memory.telemetry.step.wrapping_add(1);
         memory.telemetry.count = measurement.count.0;
         memory.telemetry.position = reading.position.0;
+
+        // The record of a fault still has what was estimated before it.
+        if memory.supervisor.state() != State::Running
+            && matches!(memory.telemetry.state, State::Running | State::Fault(_))
+        {
+            memory.telemetry.forget_estimates();
+        }
 
         let result = match memory.supervisor.state() {
             State::Running => self.run(measurement, reading),
@@ -251,7 +261,8 @@ impl<const N: usize, const S: usize> Controller<N, S> {
         }
     }
 
-    /// Excitation: open loop from the first period to the last, within the travel allowed.
+    /// Excitation: from rest, as commissioning; then open loop from the first period to the last, within
+    /// the travel allowed.
     fn excite(
         &mut self,
         measurement: Measurement,
@@ -262,8 +273,18 @@ impl<const N: usize, const S: usize> Controller<N, S> {
         }
         plausible(self.limits, measurement.current)?;
         let memory = &mut self.memory;
+        if memory.starting {
+            let action = self
+                .commissioning
+                .step(&mut memory.commissioning, reading.position)?;
+            if action == Action::Wait {
+                return Ok(Command::default());
+            }
+            memory.starting = false;
+        }
         let (excitation, state) = &mut memory.excitation;
-        if let Some(current) = excitation.step(state, reading.position)? {
+        let least_motion = self.commissioning.least_motion();
+        if let Some(current) = excitation.step(state, reading.position, least_motion)? {
             limited(self.limits, current)
         } else {
             memory.supervisor.excited();
@@ -573,6 +594,19 @@ mod tests {
         controller
     }
 
+    /// Waits at rest until the first current flows, or nothing ever will; that period's command.
+    fn begun(controller: &mut Controller<1, 5>, count: u32) -> Command {
+        for waited in 0..100 {
+            let command = controller.step(measured(count, 0.0));
+            if command.enable || controller.state() != State::Exciting {
+                assert!(waited >= 50, "{waited}");
+                return command;
+            }
+            assert_eq!(command, Command::default());
+        }
+        panic!("it does not begin");
+    }
+
     /// Every current of every repetition through the limiter, then nothing, with unproven signs;
     /// the same from a drive that was ready, and once more.
     #[test]
@@ -589,13 +623,17 @@ mod tests {
                 for k in 0..9_u32 {
                     let (current, limited) =
                         [(0.1, false), (-0.35, false), (2.0, true)][k as usize % 3];
-                    let command = controller.step(measured(count.wrapping_add(k), applied));
+                    let moved = 60 * k;
+                    let command = match k {
+                        0 => begun(&mut controller, count),
+                        _ => controller.step(measured(count.wrapping_add(moved), applied)),
+                    };
                     assert!((command.current.0 - current).abs() < 1e-6, "step {k}");
                     assert_eq!((command.enable, command.limited), (true, limited));
                     let record = *controller.telemetry();
                     assert_eq!(record.state, State::Exciting);
-                    assert_eq!(record.count, count.wrapping_add(k));
-                    assert!((record.position - position - k as f32 * 1e-6).abs() < 1e-9);
+                    assert_eq!(record.count, count.wrapping_add(moved));
+                    assert!((record.position - position - moved as f32 * 1e-6).abs() < 1e-9);
                     assert_eq!(record.applied_current, applied);
                     assert_eq!(
                         (record.command, record.limited),
@@ -629,7 +667,7 @@ mod tests {
             (500, -2.1, Fault::AppliedCurrent),
         ] {
             let mut controller = exciting(EXCITATION);
-            assert!(controller.step(measured(500, 0.0)).enable);
+            assert!(begun(&mut controller, 500).enable);
             assert!(controller.step(measured(500 + 999, 0.1)).enable);
             let command = controller.step(measured(count, current));
             assert_eq!(command, Command::default());
@@ -639,7 +677,7 @@ mod tests {
             assert!(!controller.step(measured(count, 0.0)).enable);
             controller.request(Request::Stop);
             controller.request(Request::Excite(EXCITATION));
-            assert!(controller.step(measured(count, 0.0)).enable);
+            assert!(begun(&mut controller, count).enable);
         }
         assert_eq!(Fault::Travel.number(), 8);
         for (unit, travel) in [
@@ -655,19 +693,48 @@ mod tests {
                 travel,
                 ..EXCITATION
             });
-            assert_eq!(controller.step(measured(500, 0.0)), Command::default());
+            assert_eq!(begun(&mut controller, 500), Command::default());
             assert_eq!(controller.state(), State::Fault(Fault::NonFinite));
         }
+        // An encoder that shows nothing, and a machine that is not at rest.
+        let mut controller = exciting(EXCITATION);
+        assert!(begun(&mut controller, 500).enable);
+        assert_eq!(controller.step(measured(500, 0.1)), Command::default());
+        assert_eq!(controller.state(), State::Fault(Fault::NoMotion));
+        let mut controller = exciting(EXCITATION);
+        for k in 0..2100 {
+            let count = 500 + 4 * k;
+            assert_eq!(controller.step(measured(count, 0.0)), Command::default());
+        }
+        assert_eq!(controller.state(), State::Fault(Fault::NotAtRest));
+    }
+
+    /// What was estimated is not shown when nothing is estimated any more.
+    #[test]
+    fn estimates_are_those_of_a_running_drive() {
+        let mut controller = running();
+        controller.request(Request::Step(Position(0.01)));
+        for k in 0..20 {
+            controller.step(measured(40 * k, 0.1));
+        }
+        let record = *controller.telemetry();
+        assert!(record.velocity != 0.0 && record.reference != 0.0);
+        controller.request(Request::Stop);
+        controller.step(measured(800, 0.0));
+        let record = *controller.telemetry();
+        assert_eq!((record.velocity, record.reference), (0.0, 0.0));
+        assert_eq!((record.count, record.load_position), (800, [0.0]));
+        assert!((record.position - 800e-6).abs() < 1e-9);
     }
 
     #[test]
     fn an_excitation_can_be_stopped_and_does_not_interrupt() {
         let mut controller = exciting(EXCITATION);
-        assert!(controller.step(measured(500, 0.0)).enable);
+        assert!(begun(&mut controller, 500).enable);
         controller.request(Request::Commission);
         controller.request(Request::Start);
         controller.request(Request::Step(Position(0.01)));
-        controller.step(measured(500, 0.0));
+        controller.step(measured(600, 0.0));
         assert_eq!(controller.state(), State::Exciting);
         controller.request(Request::Stop);
         assert_eq!(controller.step(measured(500, 0.0)), Command::default());
@@ -720,11 +787,14 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever is measured and asked: the command is finite, within the limit, and zero
-        /// unless the drive runs.
+        /// Whatever is measured and asked, what is no number included: the command is finite, within
+        /// the limit, and zero unless the drive runs.
         #[test]
         fn every_command_is_safe(
-            inputs in prop::collection::vec((any::<u32>(), any::<f32>(), 0..25_u8, any::<f32>()), 1..200),
+            inputs in prop::collection::vec(
+                (any::<u32>(), prop::num::f32::ANY, 0..25_u8, prop::num::f32::ANY),
+                1..200,
+            ),
         ) {
             let mut controller = running();
             for (count, current, action, position) in inputs {
@@ -744,7 +814,7 @@ mod tests {
                     _ => {}
                 }
                 // Plausible measurements mostly, so that the drive keeps running for a while.
-                let measurement = if action > 7 {
+                let measurement = if action > 7 && current.is_finite() {
                     measured(count % 2000, (current % 2.0) * 0.5)
                 } else {
                     measured(count, current)

@@ -11,7 +11,9 @@
 //! ```
 //!
 //! No loop is closed, so no sign needs to be proven. What keeps the machine safe is its travel: an
-//! actuator that gets farther from where it began than it is allowed to is a fault.
+//! actuator that gets farther from where it began than it is allowed to is a fault, and so is one that
+//! does not seem to move at all, because then its travel is not known. The amplifier is then off and
+//! nothing brakes: the machine coasts on.
 
 use crate::supervisor::Fault;
 use crate::units::{Current, Position};
@@ -41,24 +43,45 @@ pub struct State {
     done: u16,
     /// Where the actuator began.
     origin: Option<f32>,
+    /// Where it has been in this half of the profile.
+    lowest: f32,
+    highest: f32,
 }
 
 impl Excitation {
     /// One period at a measured position: the current to apply, before any limit, or nothing when
     /// all has been played.
     ///
+    /// * `least_motion`: what the actuator must move by in each half of the profile, m
+    ///
     /// # Errors
-    /// [`Fault::Travel`] beyond the travel allowed, [`Fault::NonFinite`] where `unit` or `travel`
-    /// is no number.
-    pub fn step(&self, state: &mut State, position: Position) -> Result<Option<Current>, Fault> {
+    /// [`Fault::Travel`] beyond the travel allowed, [`Fault::NoMotion`] at the end of half a profile in
+    /// which nothing moved, [`Fault::NonFinite`] where `unit` or `travel` is no number.
+    pub fn step(
+        &self,
+        state: &mut State,
+        position: Position,
+        least_motion: f32,
+    ) -> Result<Option<Current>, Fault> {
         if !(self.unit.is_finite() && self.travel.is_finite()) {
             return Err(Fault::NonFinite);
         }
+        let first = state.origin.is_none();
         let origin = *state.origin.get_or_insert(position.0);
         // What cannot be compared is not within the travel either.
         let within = (position.0 - origin).abs() <= self.travel;
         if !within {
             return Err(Fault::Travel);
+        }
+        if !first {
+            state.lowest = state.lowest.min(position.0);
+            state.highest = state.highest.max(position.0);
+        }
+        if state.next == 0 || state.next == self.profile.len() / 2 {
+            if !first && state.highest - state.lowest < least_motion {
+                return Err(Fault::NoMotion);
+            }
+            (state.lowest, state.highest) = (position.0, position.0);
         }
         if state.done >= self.repetitions {
             return Ok(None);
@@ -94,11 +117,11 @@ mod tests {
     fn play(excitation: Excitation, position: impl Fn(usize) -> f32) -> (Vec<f32>, Option<Fault>) {
         let (mut state, mut played) = (State::default(), Vec::new());
         for k in 0..100 {
-            match excitation.step(&mut state, Position(position(k))) {
+            match excitation.step(&mut state, Position(position(k)), 0.0) {
                 Ok(Some(current)) => played.push(current.0),
                 Ok(None) => {
                     // The end is the end.
-                    let after = excitation.step(&mut state, Position(position(k)));
+                    let after = excitation.step(&mut state, Position(position(k)), 0.0);
                     assert_eq!(after, Ok(None));
                     return (played, None);
                 }
@@ -150,6 +173,32 @@ mod tests {
         assert_eq!((nan.0.len(), nan.1), (2, Some(Fault::Travel)));
     }
 
+    /// An encoder that shows nothing, from the beginning or from some period on: found at the end of
+    /// that half of the profile, or of the next.
+    #[test]
+    fn a_dead_encoder_is_a_fault() {
+        let excitation = Excitation {
+            profile: &[1; 20],
+            ..EXCITATION
+        };
+        for (dies, found) in [(0, 10), (3, 20), (13, 30), (100, 40)] {
+            let (mut state, mut k) = (State::default(), 0_usize);
+            let end = loop {
+                let position = 1e-4 * k.min(dies) as f32;
+                match excitation.step(&mut state, Position(position), 1.5e-4) {
+                    Ok(Some(_)) => k += 1,
+                    end => break end,
+                }
+            };
+            let expected = if dies == 100 {
+                Ok(None)
+            } else {
+                Err(Fault::NoMotion)
+            };
+            assert_eq!((k, end), (found, expected), "{dies}");
+        }
+    }
+
     #[test]
     fn what_is_no_number_is_a_fault() {
         for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -186,10 +235,10 @@ mod tests {
             };
             let mut state = State::default();
             for k in 0..length {
-                let current = excitation.step(&mut state, Position(0.0)).unwrap();
+                let current = excitation.step(&mut state, Position(0.0), 0.0).unwrap();
                 prop_assert_eq!(current, Some(Current(expected[k % expected.len()])));
             }
-            prop_assert_eq!(excitation.step(&mut state, Position(0.0)), Ok(None));
+            prop_assert_eq!(excitation.step(&mut state, Position(0.0), 0.0), Ok(None));
         }
     }
 }

@@ -32,10 +32,10 @@ pub enum Fault {
     /// Commissioning: a positive current moves the encoder backwards. Phases of the encoder or
     /// leads of the motor are swapped.
     Direction = 5,
-    /// Commissioning: the encoder does not move though current flows. Encoder, amplifier or motor
-    /// is not connected, or something holds the actuator.
+    /// Commissioning, excitation: the encoder does not move though current flows. Encoder, amplifier
+    /// or motor is not connected, or something holds the actuator.
     NoMotion = 6,
-    /// Commissioning: the actuator does not come to rest.
+    /// Commissioning, excitation: the actuator does not come to rest.
     NotAtRest = 7,
     /// The actuator left the travel allowed to it.
     Travel = 8,

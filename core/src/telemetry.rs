@@ -66,6 +66,22 @@ impl<const N: usize> Default for Telemetry<N> {
     }
 }
 
+impl<const N: usize> Telemetry<N> {
+    /// Nothing is estimated and nothing followed while the loop is open: zero, not what was last.
+    pub(crate) fn forget_estimates(&mut self) {
+        *self = Self {
+            step: self.step,
+            state: self.state,
+            count: self.count,
+            applied_current: self.applied_current,
+            position: self.position,
+            command: self.command,
+            limited: self.limited,
+            ..Self::default()
+        };
+    }
+}
+
 #[cfg(feature = "serde")]
 fn as_slice<S: serde::Serializer, const N: usize>(
     values: &[f32; N],

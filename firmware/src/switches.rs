@@ -10,7 +10,8 @@
 //! | on | | 2 | step to 15 mm |
 //! | on | | 3 | jerk-limited move to 30 mm |
 //!
-//! The excite switch counts at the moment the run switch is closed; after an excitation the drive
+//! After a reset nothing is asked until the run switch has been seen open: a drive whose supply or
+//! processor failed does not move by itself. The excite switch counts at the moment the run switch is closed; after an excitation the drive
 //! stays idle until the run switch has been opened and is closed again.
 
 use crate::board::Levels;
@@ -23,22 +24,49 @@ const _: () = assert!(
     "excitation and gains are made for different control periods"
 );
 
-/// Control periods for which the switches must agree before they count.
+/// Control periods for which a switch must stand still before it counts.
 const DEBOUNCE: u8 = 10;
 
-/// Debouncing state; starts as if everything were off.
+/// One switch, or what several say together.
+#[derive(Default)]
+struct Debounced<T> {
+    /// Where it stands; unknown after a reset.
+    settled: Option<T>,
+    candidate: Option<T>,
+    periods: u8,
+}
+
+impl<T: Copy + PartialEq> Debounced<T> {
+    /// Takes the level of one period; whether where it stands has changed.
+    fn sample(&mut self, level: T) -> bool {
+        if self.candidate != Some(level) {
+            self.candidate = Some(level);
+            self.periods = 0;
+        }
+        self.periods = self.periods.saturating_add(1);
+        let changed = self.periods >= DEBOUNCE && self.settled != self.candidate;
+        if changed {
+            self.settled = self.candidate;
+        }
+        changed
+    }
+}
+
+/// The switches, each debounced by itself, so that none can keep the run switch from being seen.
 #[derive(Default)]
 pub(crate) struct Switches {
-    settled: Levels,
-    candidate: Levels,
-    periods: u8,
+    run: Debounced<bool>,
+    excite: Debounced<bool>,
+    target: Debounced<u8>,
     asked: Asked,
 }
 
 /// What has been asked of the drive since the run switch was closed.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 enum Asked {
+    /// Nothing, and nothing may be: the run switch has not been open since the reset.
     #[default]
+    Locked,
     Nothing,
     Excite,
     Commission,
@@ -48,26 +76,22 @@ enum Asked {
 impl Switches {
     /// Takes the levels of one period and the drive's state; gives what is to be asked of it.
     pub(crate) fn sample(&mut self, levels: Levels, state: State) -> [Option<Request>; 2] {
-        if levels != self.candidate {
-            self.candidate = levels;
-            self.periods = 0;
-        }
-        self.periods = self.periods.saturating_add(1);
-        if self.periods >= DEBOUNCE && self.settled != levels {
-            let before = core::mem::replace(&mut self.settled, levels);
-            if before.run && !levels.run {
+        let switched = self.run.sample(levels.run);
+        let retargeted = self.target.sample(levels.target);
+        self.excite.sample(levels.excite);
+        match self.run.settled {
+            None => return [None, None],
+            Some(false) => {
                 self.asked = Asked::Nothing;
-                return [Some(Request::Stop), None];
+                return [switched.then_some(Request::Stop), None];
             }
-            if before.target != levels.target && self.asked == Asked::Start {
-                return [Some(target(levels.target)), None];
-            }
+            Some(true) => {}
         }
-        if !self.settled.run {
-            return [None, None];
+        if retargeted && self.asked == Asked::Start {
+            return [Some(self.target()), None];
         }
         match (state, self.asked) {
-            (State::Idle | State::Ready, Asked::Nothing) if self.settled.excite => {
+            (State::Idle | State::Ready, Asked::Nothing) if self.excite.settled == Some(true) => {
                 self.asked = Asked::Excite;
                 [Some(Request::Excite(EXCITATION)), None]
             }
@@ -77,18 +101,18 @@ impl Switches {
             }
             (State::Ready, Asked::Nothing | Asked::Commission) => {
                 self.asked = Asked::Start;
-                [Some(Request::Start), Some(target(self.settled.target))]
+                [Some(Request::Start), Some(self.target())]
             }
             _ => [None, None],
         }
     }
-}
 
-fn target(selection: u8) -> Request {
-    match selection {
-        1 => Request::Step(Position(0.03)),
-        2 => Request::Step(Position(0.015)),
-        3 => Request::Move(Position(0.03)),
-        _ => Request::Step(Position(0.0)),
+    fn target(&self) -> Request {
+        match self.target.settled {
+            Some(1) => Request::Step(Position(0.03)),
+            Some(2) => Request::Step(Position(0.015)),
+            Some(3) => Request::Move(Position(0.03)),
+            _ => Request::Step(Position(0.0)),
+        }
     }
 }

@@ -3,9 +3,9 @@
 #![cfg(feature = "virtual-board")]
 
 use arso_core::{Counts, Current, Excitation, Fault, Measurement, Request, State};
-use arso_tests::virtual_board::Rig;
 use arso_tests::virtual_board::image::Image;
 use arso_tests::virtual_board::rig::{Period, Switches};
+use arso_tests::virtual_board::{Board, Rig};
 use host_sim::capture::{Capture, LogRecord, read_defmt};
 use host_sim::corridor::corridor;
 use host_sim::design::Design;
@@ -62,6 +62,10 @@ fn host_counts(drive: &Drive, machine: &PlantFile, play: &Play) -> (Vec<u32>, St
             current,
         });
         if !command.enable {
+            // Waiting for rest, or at the end.
+            if counts.is_empty() && core.record().state == State::Exciting {
+                continue;
+            }
             return (counts, core.record().state);
         }
         counts.push(count);
@@ -118,9 +122,14 @@ fn the_table_is_played_and_logged_to_the_last_step() {
     let capture = decode(&rig);
     assert_eq!((capture.lost, capture.malformed), (0, 0));
     let exciting = |record: &LogRecord| record.state == "Exciting";
-    let first = capture.records.iter().position(exciting).unwrap();
+    let waiting = capture.records.iter().position(exciting).unwrap();
+    // It waits until the encoder has stood still for 50 periods, and begins in the last of them.
+    let first = waiting + 49;
     let (idle, rest) = capture.records.split_at(first);
+    let (idle, waited) = idle.split_at(waiting);
     assert!(idle.iter().all(|record| record.state == "Idle"));
+    assert!(waited.iter().all(exciting));
+    assert!(waited.iter().all(|record| record.values["command"] == 0.0));
     let (played, rest) = rest.split_at(steps.len());
     assert!(played.iter().all(exciting));
     assert!(rest.len() > 10 && rest.iter().all(|record| record.state == "Idle"));
@@ -179,7 +188,8 @@ fn the_switches_begin_and_end_it() {
 
     // Stopped half way, the excite switch being opened before.
     rig.switches(Switches::excite());
-    assert!(enabled(&rig.periods(500).unwrap()) > 480);
+    let begun = enabled(&rig.periods(500).unwrap());
+    assert!((430..450).contains(&begun), "{begun}");
     rig.switches(Switches::run(0));
     assert_eq!(enabled(&rig.periods(500).unwrap()), 500);
     rig.switches(Switches::default());
@@ -190,8 +200,12 @@ fn the_switches_begin_and_end_it() {
     // Played to its end it is not played again, and nothing else happens, until the run switch has
     // been opened and is closed again.
     let length = play(&drive).currents().count() as u32;
+    rig.periods(1500).unwrap();
     rig.switches(Switches::excite());
-    rig.periods(length + 100).unwrap();
+    assert_eq!(
+        enabled(&rig.periods(length + 200).unwrap()),
+        length as usize
+    );
     rig.switches(Switches::run(0));
     assert_eq!(enabled(&rig.periods(200).unwrap()), 0);
     rig.switches(Switches::default());
@@ -218,6 +232,7 @@ fn an_actuator_that_leaves_its_travel_is_stopped() {
     plant.actuator.force_constant *= 6.0;
     let travel = play(&drive).travel;
     let mut rig = start(&drive, &plant);
+    rig.periods(50).unwrap();
     rig.switches(Switches::excite());
     let mut enabled = 0;
     loop {
@@ -255,6 +270,75 @@ fn an_actuator_that_leaves_its_travel_is_stopped() {
         capture.messages
     );
     assert_eq!(capture.records.last().unwrap().state, "Idle");
+}
+
+/// An encoder that is not connected shows no travel: nothing is played beyond the first half of the
+/// table, at the end of which it must have been seen to move.
+#[test]
+fn a_dead_encoder_ends_it() {
+    let (drive, plant) = machine();
+    let mut rig = start(&drive, &plant);
+    rig.wiring.encoder_unplugged = true;
+    let periods = rig.excite().unwrap();
+    assert_eq!(periods.len(), play(&drive).table.len() / 2);
+    let messages = decode(&rig).messages;
+    assert!(
+        messages
+            .iter()
+            .any(|text| text.starts_with("ERROR fault 6: NoMotion")),
+        "{messages:?}"
+    );
+}
+
+/// Whatever the switches say when the processor starts: nothing moves before the run switch has been
+/// open.
+#[test]
+fn nothing_moves_after_a_reset_with_the_run_switch_closed() {
+    let (drive, plant) = machine();
+    for switches in [Switches::run(1), Switches::excite()] {
+        let image = Image::parse(&arso_tests::firmware()).unwrap();
+        let closed = |board: &mut Board| {
+            let port = &mut board.bus_mut().ports[2];
+            port.set_level(2, true);
+            port.set_level(3, switches.excite);
+        };
+        let mut rig = Rig::start(&image, &drive, &plant, closed).unwrap();
+        rig.switches(switches);
+        assert!(
+            rig.periods(3000)
+                .unwrap()
+                .iter()
+                .all(|period| !period.enabled)
+        );
+        rig.switches(Switches::default());
+        rig.periods(50).unwrap();
+        rig.switches(switches);
+        assert!(
+            rig.periods(500)
+                .unwrap()
+                .iter()
+                .any(|period| period.enabled)
+        );
+    }
+}
+
+/// A target switch that chatters does not keep the run switch from stopping the drive.
+#[test]
+fn a_chattering_switch_does_not_hold_the_drive() {
+    let (drive, plant) = machine();
+    let mut rig = start(&drive, &plant);
+    rig.commission().unwrap();
+    rig.switches(Switches::run(0));
+    assert!(rig.periods(100).unwrap().last().unwrap().enabled);
+    let mut last = None;
+    for k in 0..30 {
+        rig.switches(Switches {
+            target: k / 4 % 4,
+            ..Switches::default()
+        });
+        last = Some(rig.period().unwrap());
+    }
+    assert!(!last.unwrap().enabled);
 }
 
 /// From the board's log to the machine: a spring and a mass that the drive file has wrong, and friction

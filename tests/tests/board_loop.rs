@@ -181,6 +181,7 @@ fn wrong_wiring_stops_the_drive() {
     for (what, wiring) in wirings {
         let mut rig = start(|_| {}).unwrap();
         rig.wiring = wiring;
+        rig.periods(50).unwrap();
         rig.switches(Switches::run(1));
         let periods = rig.periods(3000).unwrap();
         assert!(periods.iter().any(|period| period.enabled), "{what}");

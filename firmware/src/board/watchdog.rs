@@ -1,7 +1,8 @@
 //! Independent watchdog: resets the processor when control or idle loop has died.
 //!
 //! It is fed by the idle loop for each record that comes from the control interrupt, so both must
-//! be alive. After a reset the amplifier is off.
+//! be alive. After a reset the amplifier is off. It runs on while a debugger halts the processor: nobody
+//! would regulate the current that was commanded last.
 
 use crate::gains::GAINS;
 use stm32f4xx_hal::pac::{DBGMCU, IWDG};
@@ -20,8 +21,7 @@ pub(crate) struct Watchdog(IndependentWatchdog);
 impl Watchdog {
     pub(super) fn new(watchdog: IWDG, debug: &DBGMCU) -> Self {
         let mut watchdog = IndependentWatchdog::new(watchdog);
-        // It stands still while a debugger halts the processor.
-        watchdog.stop_on_debug(debug, true);
+        watchdog.stop_on_debug(debug, false);
         watchdog.start(TIMEOUT_MS.millis());
         Self(watchdog)
     }

@@ -39,9 +39,11 @@ pub struct Period {
 const ZERO_CODE: f32 = 2048.0;
 const AMPERES_PER_CODE: f32 = 1e-3;
 
-/// Periods in which commissioning must be over, and in which switches and drive settle.
+/// Periods in which commissioning must be over, in which switches and drive settle, and in which the
+/// drive has seen that the machine is at rest.
 const COMMISSIONING: u32 = 3000;
 const SETTLED: u32 = 50;
+const RESTED: u32 = 2100;
 
 /// Counts per period at which the machine is carried to its start.
 const CARRY: u64 = 4000;
@@ -212,12 +214,14 @@ impl Rig {
         (0..periods).map(|_| self.period()).collect()
     }
 
-    /// Closes the run switch until the drive has commissioned itself and holds the origin, and opens
-    /// it again.
+    /// Leaves the run switch open for a while, closes it until the drive has commissioned itself and
+    /// holds the origin, and opens it again.
     ///
     /// # Errors
     /// Whatever stops the firmware; [`Stop::NotCommissioned`] when the drive does not come to hold.
     pub fn commission(&mut self) -> Result<(), Stop> {
+        self.switches(Switches::default());
+        self.periods(SETTLED)?;
         self.switches(Switches::run(0));
         let last = self.periods(COMMISSIONING)?.pop();
         self.switches(Switches::default());
@@ -284,12 +288,14 @@ impl Rig {
     /// # Errors
     /// Whatever stops the firmware; [`Stop::NotExcited`] when the play does not begin or does not end.
     pub fn excite(&mut self) -> Result<Vec<Period>, Stop> {
+        self.switches(Switches::default());
+        self.periods(SETTLED)?;
         self.switches(Switches::excite());
         let mut waited = 0;
         let mut period = self.period()?;
         while !period.enabled {
             waited += 1;
-            if waited > SETTLED {
+            if waited > RESTED {
                 return Err(Stop::NotExcited);
             }
             period = self.period()?;
