@@ -50,6 +50,8 @@ const LEAST_PEAK: i16 = 10;
 /// predicted: the machine is not yet known.
 const TRAVEL: f64 = 4.0;
 const LEAST_TRAVEL: f64 = 2.0;
+/// Encoder counts by which the machine must move, as identification asks.
+const LEAST_COUNTS: f64 = crate::identify::LEAST_COUNTS;
 
 /// Which signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -204,6 +206,15 @@ impl Play {
             play.table = signal::in_steps(&shape, peak);
             play.prediction = Prediction::new(drive, &play)?;
             play.reduced_from = Some(current);
+        }
+        // Fewer hide in their own rounding, and what sticks does not move.
+        let counts = play.prediction.with_friction / drive.encoder.resolution;
+        if counts < LEAST_COUNTS {
+            return usage(format!(
+                "a current of {} A moves the actuator by {counts:.0} counts with the friction of the drive \
+                 file: must be {LEAST_COUNTS} at least, allow more --current or more --travel",
+                significant(play.peak(), 3)
+            ));
         }
         Ok(play)
     }
@@ -593,6 +604,24 @@ mod tests {
             ..Wish::default()
         });
         assert_eq!((wide.reduced_from, wide.table), (None, whole.table));
+    }
+
+    /// Friction beyond the current holds the actuator: said before anything is played.
+    #[test]
+    fn a_current_that_moves_nothing_is_refused() {
+        let mut drive = Drive::default_drive();
+        drive.friction.coulomb = 4.0;
+        let error = Play::new(&drive, &Wish::default()).unwrap_err().to_string();
+        assert!(
+            error.contains("a current of 0.500 A moves the actuator by 0 counts"),
+            "{error}"
+        );
+        let current = Some(1.5);
+        let wish = Wish {
+            current,
+            ..Wish::default()
+        };
+        assert!(Play::new(&drive, &wish).is_ok());
     }
 
     /// The source is what the firmware compiles (a test of the firmware's file has the rest).

@@ -19,7 +19,7 @@ mod predict;
 mod write;
 
 pub use frequency::{Point, model_response, response};
-pub use log::Log;
+pub use log::{LEAST_COUNTS, Log};
 pub use parameters::{Kind, Machine, Parameters, Quantity};
 pub use write::drive_file;
 

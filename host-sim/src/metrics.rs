@@ -7,6 +7,10 @@ use serde::Serialize;
 /// the motion.
 pub const SETTLING_BAND: f64 = 0.02;
 
+/// A mass that enters the band in the last part of the run, this share of it, may well leave it again
+/// and does not count as settled.
+pub const HELD: f64 = 0.1;
+
 /// Residual vibration is measured from here on, s, or from the settling time if that is later.
 pub const RESIDUAL_FROM: f64 = 0.5;
 
@@ -55,7 +59,7 @@ fn motion(run: &Run) -> (usize, f64, f64) {
 }
 
 /// Time after which the controlled mass stays within a band around its target, s; none when it does
-/// not settle within the run.
+/// not settle within the run, or only at its end.
 ///
 /// * `band`: half width over the span of the motion
 #[must_use]
@@ -65,10 +69,14 @@ pub fn settling_time(run: &Run, band: f64) -> Option<f64> {
     let inside = |x: f64| (x - target).abs() <= band * span.abs();
     let samples = &run.samples;
     let settled = match samples.iter().rposition(|s| !inside(s.truth[controlled])) {
-        None => samples.first(),
-        Some(last) => samples.get(last + 1),
+        None => 0,
+        Some(last) => last + 1,
     };
-    settled.map(|sample| sample.time)
+    let held = (samples.len() - settled) as f64 >= HELD * samples.len() as f64;
+    samples
+        .get(settled)
+        .filter(|_| held)
+        .map(|sample| sample.time)
 }
 
 impl Metrics {
@@ -168,6 +176,15 @@ mod tests {
         let t = (std::f64::consts::PI - 0.2_f64.atan()) / 100.0;
         assert!((metrics.overshoot - 100.0 * (x2(t) / 0.03 - 1.0)).abs() < 0.1);
         let residual = metrics.residual_vibration.unwrap();
+        // A run that ends soon after says nothing of how long it stays.
+        let settled = last.unwrap();
+        for (end, held) in [(1.2 * settled, true), (1.05 * settled, false)] {
+            let short = Run {
+                samples: run.samples[..(end * 1e3) as usize].to_vec(),
+                ..run.clone()
+            };
+            assert_eq!(settling_time(&short, SETTLING_BAND).is_some(), held);
+        }
         assert_eq!(residual[0], 0.0);
         assert!((residual[3] - 2e-5).abs() < 1e-7);
         assert_eq!((metrics.peak_current, metrics.fault), (1.5, None));

@@ -578,6 +578,22 @@ fn a_log_in_text_is_captured() {
         csv.lines().nth(3).unwrap().starts_with("0.003,4,Running,"),
         "{csv}"
     );
+    // What is estimated is known while the drive runs.
+    let of = |row: usize, name: &str| {
+        let header = csv.lines().next().unwrap();
+        let column = header.split(',').position(|title| title == name).unwrap();
+        csv.lines()
+            .nth(row)
+            .unwrap()
+            .split(',')
+            .nth(column)
+            .unwrap()
+    };
+    assert_eq!(
+        (of(1, "disturbance[N]"), of(2, "disturbance[N]")),
+        ("", "0.1")
+    );
+    assert_eq!((of(1, "count[1]"), of(2, "count[1]")), ("12", "12"));
     assert!(
         fs::read_to_string(out.join("log.svg"))
             .unwrap()

@@ -86,7 +86,7 @@ fn every_option_is_obeyed() {
     // Less current where the travel does not allow it.
     let (code, text, error) = excite(&["--travel", "0.02"], directory.path());
     assert_eq!(code, 0);
-    assert!(text.contains("at most 20.000 mm allowed"), "{text}");
+    assert!(text.contains("amplifier off beyond 20.000 mm"), "{text}");
     assert_eq!(error.lines().count(), 1, "{error}");
     assert!(
         error.starts_with("warning: the travel of 0.02 m allows 0.1")

@@ -13,8 +13,10 @@ use std::path::PathBuf;
 
 /// Set the drive beside its rivals, on plants that differ.
 ///
-/// The rivals are tuned on the same plants in the same run: collocated PD alone and with ZV, ZVD and EI
-/// shapers, and a Kalman filter on the encoder. Feedback of the true state is the bound.
+/// The rivals are tuned in the same run for the least worst settling time over the plants whose springs,
+/// last load and force constant differ: collocated PD alone and with ZV, ZVD and EI shapers, and a Kalman
+/// filter on the encoder, which is tuned on the plant with friction as well. Only that one has Coulomb
+/// friction. Feedback of the true state is the bound of the drive's gain without friction.
 #[derive(Debug, Args)]
 pub(super) struct CompareCommand {
     /// Description of the drive; the paper's rig when not given.

@@ -20,8 +20,9 @@ pub(super) struct ExciteCommand {
     /// Peak current; a quarter of the current limit when not given.
     #[arg(long, value_name = "A")]
     current: Option<f64>,
-    /// Farthest the actuator may get from where it begins; four times the travel predicted when not
-    /// given. The current is reduced until half of it is enough.
+    /// Where the amplifier is switched off, measured from where the actuator begins; four times the
+    /// travel predicted when not given. The machine then coasts: leave it room. The current is reduced
+    /// until half of it is enough.
     #[arg(long, value_name = "M")]
     travel: Option<f64>,
     /// Lower end of the band; 0.2 times the slowest mode when not given.
@@ -103,7 +104,8 @@ fn summary(play: &Play, drive: &Drive) -> String {
         "signal              {}, {} lines from {from:.3} to {to:.3} Hz\n\
          duration            {} x {:.3} s = {:.3} s, {} control periods each\n\
          current             {} A peak, {} A rms\n\
-         predicted travel    {} {milli} ({:.0} counts), at most {} {milli} allowed\n\
+         predicted travel    {} {milli} ({:.0} counts), amplifier off beyond {} {milli}\n\
+         predicted speed     {} {milli}/s at most\n\
          predicted stretch   {} {milli} at most, of spring {}\n",
         play.signal.name(),
         play.lines.len(),
@@ -116,6 +118,7 @@ fn summary(play: &Play, drive: &Drive) -> String {
         significant(1e3 * prediction.travel, 5),
         prediction.travel / drive.encoder.resolution,
         significant(1e3 * play.travel, 5),
+        significant(1e3 * prediction.speed, 3),
         significant(1e3 * prediction.stretch, 5),
         prediction.spring,
     )

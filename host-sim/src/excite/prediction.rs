@@ -10,6 +10,10 @@ use crate::plant::Plant;
 pub struct Prediction {
     /// Farthest of the actuator from where it began, m.
     pub travel: f64,
+    /// The same with the friction of the drive file, m.
+    pub with_friction: f64,
+    /// Fastest of the actuator, m/s.
+    pub speed: f64,
     /// Largest stretch or compression of a spring, m.
     pub stretch: f64,
     /// Which spring, 1 being that at the actuator.
@@ -26,23 +30,26 @@ impl Prediction {
     /// When its motion is no longer finite.
     pub(super) fn new(drive: &Drive, play: &Play) -> Result<Self> {
         let mut prediction = Self::default();
-        prediction.take(&Friction::default(), drive, play)?;
+        prediction.with_friction = prediction.take(&Friction::default(), drive, play)?;
         if drive.friction != Friction::default() {
-            prediction.take(&drive.friction, drive, play)?;
+            prediction.with_friction = prediction.take(&drive.friction, drive, play)?;
         }
         Ok(prediction)
     }
 
-    fn take(&mut self, friction: &Friction, drive: &Drive, play: &Play) -> Result<()> {
+    /// Takes in what happens under some friction; the travel.
+    fn take(&mut self, friction: &Friction, drive: &Drive, play: &Play) -> Result<f64> {
         let machine = PlantFile {
             friction: friction.clone(),
             ..PlantFile::from(drive)
         };
         let mut plant = Plant::new(&machine, play.sample_time);
+        let mut travel = 0.0_f64;
         for current in play.currents() {
             plant.advance(current.into())?;
             let state = plant.state();
-            self.travel = self.travel.max(state[0].abs());
+            travel = travel.max(state[0].abs());
+            self.speed = self.speed.max(state[1].abs());
             for spring in 1..=drive.loads.len() {
                 let stretch = (state[2 * spring] - state[2 * spring - 2]).abs();
                 if stretch > self.stretch {
@@ -50,6 +57,7 @@ impl Prediction {
                 }
             }
         }
-        Ok(())
+        self.travel = self.travel.max(travel);
+        Ok(travel)
     }
 }

@@ -29,7 +29,7 @@ const FEWEST: usize = 200;
 /// More rows say little more, and take minutes.
 const MOST: usize = 60_000;
 /// Counts that the actuator must travel, so that rounding does not hide its motion.
-const TRAVEL: f64 = 100.0;
+pub const LEAST_COUNTS: f64 = 100.0;
 /// Counts by which the first period may move the actuator beyond what its current can do.
 const REST: f64 = 8.0;
 
@@ -114,9 +114,9 @@ impl Log {
         let (low, high) = position
             .iter()
             .fold((i64::MAX, i64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
-        if ((high - low) as f64) < TRAVEL {
+        if ((high - low) as f64) < LEAST_COUNTS {
             let message = format!(
-                "the actuator moves by {} counts: must be {TRAVEL} at least, so that rounding does not \
+                "the actuator moves by {} counts: must be {LEAST_COUNTS} at least, so that rounding does not \
                  hide the motion; excite with more current or use a finer encoder",
                 high - low
             );

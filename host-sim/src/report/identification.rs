@@ -4,7 +4,7 @@ use super::plot::{Panel, Series, panels};
 use super::significant;
 use crate::drive::Drive;
 use crate::error::Result;
-use crate::identify::{Identification, Kind, Quantity, model_response};
+use crate::identify::{Identification, Kind, model_response};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 
 /// Points per line that a plot can show.
@@ -29,20 +29,12 @@ pub fn table(drive: &Drive, identification: &Identification) -> String {
         let change = identified.value - identified.before;
         let (deviation, change) = if identified.held {
             ("held".into(), String::new())
-        } else if identified.quantity == Quantity::ActuatorMass
-            || identified.quantity == Quantity::ForceConstant
-        {
-            // The paper's deviations, as amounts.
-            (
-                format!("{:.2e}", 3.0 * identified.std),
-                format!("{change:+.3e}"),
-            )
         } else if identified.before == 0.0 {
             (format!("{:.2e}", 3.0 * identified.std), String::new())
         } else {
             (
                 format!("{:.2e}", 3.0 * identified.std),
-                format!("{:+.1} %", 100.0 * change / identified.before),
+                format!("{:+.2} %", 100.0 * change / identified.before),
             )
         };
         table.add_row([

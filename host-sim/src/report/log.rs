@@ -1,13 +1,14 @@
 //! The drive's log as table, CSV and plot.
 //!
-//! The CSV has the column names of the simulation wherever both know the quantity.
+//! The CSV has the column names of the simulation wherever both know the quantity. What the drive
+//! estimates and follows while its loop is closed is left blank while it is open.
 
 use crate::capture::{Capture, LogRecord};
 use crate::drive::{Kind, Units};
 use crate::error::{Error, Result};
 use crate::report::plot::{Panel, Series, panels};
 use comfy_table::{Cell, CellAlignment, Table, presets};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Unit and name in a CSV header of a quantity of the telemetry.
 fn column(units: &Units, name: &str) -> String {
@@ -24,6 +25,28 @@ fn column(units: &Units, name: &str) -> String {
     }
 }
 
+/// A quantity of a record, if it had a meaning at the time.
+fn value(record: &LogRecord, name: &str) -> Option<f64> {
+    let closed_loop = match name {
+        "reference" | "velocity" | "disturbance" | "reaction_force" | "disturbance_state" => true,
+        _ => name.starts_with("load"),
+    };
+    let known = !closed_loop || record.state == "Running";
+    record.values.get(name).copied().filter(|_| known)
+}
+
+/// Every quantity that had a meaning at some time.
+fn names(capture: &Capture) -> BTreeSet<&str> {
+    capture
+        .records
+        .iter()
+        .flat_map(|record| {
+            let names = record.values.keys().map(String::as_str);
+            names.filter(|name| value(record, name).is_some())
+        })
+        .collect()
+}
+
 /// Time of a record from the first one on, s.
 fn time(capture: &Capture, record: &LogRecord, period: f64) -> f64 {
     let first = capture.records.first().map_or(0, |record| record.step);
@@ -37,11 +60,7 @@ fn time(capture: &Capture, record: &LogRecord, period: f64) -> f64 {
 pub fn csv(capture: &Capture, period: f64, kind: Kind) -> Result<Vec<u8>> {
     let failed =
         |error: String| Error::Simulation(format!("the log's CSV cannot be formed: {error}"));
-    let names: Vec<&String> = capture
-        .records
-        .first()
-        .map(|r| r.values.keys().collect())
-        .unwrap_or_default();
+    let names = names(capture);
     let mut writer = ::csv::Writer::from_writer(Vec::new());
     let header = ["time[s]".into(), "step[1]".into(), "state[name]".into()];
     let header = header
@@ -56,8 +75,8 @@ pub fn csv(capture: &Capture, period: f64, kind: Kind) -> Result<Vec<u8>> {
             record.step.to_string(),
             record.state.clone(),
         ];
-        let values = names.iter().map(|name| record.values.get(*name));
-        row.extend(values.map(|value| value.map_or(String::new(), f64::to_string)));
+        let values = names.iter().map(|name| value(record, name));
+        row.extend(values.map(|value| value.map_or(String::new(), |value| value.to_string())));
         writer
             .write_record(row)
             .map_err(|e| failed(e.to_string()))?;
@@ -72,9 +91,11 @@ pub fn table(capture: &Capture, period: f64, kind: Kind) -> String {
     let mut states: BTreeMap<&str, u32> = BTreeMap::new();
     for record in &capture.records {
         *states.entry(&record.state).or_default() += 1;
-        for (name, value) in &record.values {
-            let range = ranges.entry(name).or_insert((f64::MAX, f64::MIN, 0.0));
-            *range = (range.0.min(*value), range.1.max(*value), *value);
+        for name in record.values.keys() {
+            if let Some(value) = value(record, name) {
+                let range = ranges.entry(name).or_insert((f64::MAX, f64::MIN, 0.0));
+                *range = (range.0.min(value), range.1.max(value), value);
+            }
         }
     }
     let mut table = Table::new();
@@ -106,20 +127,15 @@ pub fn table(capture: &Capture, period: f64, kind: Kind) -> String {
 /// # Errors
 /// [`Error::Simulation`] when the drawing cannot be made.
 pub fn plot(capture: &Capture, period: f64, kind: Kind) -> Result<String> {
+    let known = names(capture);
     let series = |names: &[&str], scale: f64| -> Vec<Series> {
-        let names = names.iter().filter(|name| {
-            capture
-                .records
-                .first()
-                .is_some_and(|record| record.values.contains_key(**name))
-        });
         names
+            .iter()
+            .filter(|name| known.contains(**name))
             .map(|name| {
                 let points = capture.records.iter().filter_map(|record| {
-                    Some((
-                        time(capture, record, period),
-                        scale * record.values.get(*name)?,
-                    ))
+                    let value = value(record, name)?;
+                    Some((time(capture, record, period), scale * value))
                 });
                 ((*name).to_owned(), points.collect())
             })
