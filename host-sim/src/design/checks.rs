@@ -8,7 +8,9 @@ use super::drive_loop::DriveLoop;
 use super::margins::Margins;
 use super::observer::{anchored_model, relative_motion};
 use crate::error::Result;
+use crate::metrics::SETTLING_BAND;
 use crate::model::{eigenvalues, separation, spectral_radius};
+use crate::scenario::SCENARIOS;
 use arso_core::observer::Form;
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 use serde::Serialize;
@@ -55,6 +57,7 @@ pub fn checks(design: &Design, margins: Option<&Margins>) -> Result<Vec<Check>> 
         observer_samples(design)?,
         observer_speed(design)?,
         encoder_noise(design),
+        current_step(design),
         commissioning_brake(design)?,
         closed_loop(design)?,
     ];
@@ -279,6 +282,31 @@ fn encoder_noise(design: &Design) -> Check {
             "{} rms of reaction force from encoder rounding; above 2 % of the motor's force \
                  lower both cutoffs or use a finer encoder",
             design.drive.kind.units().force
+        ),
+    }
+}
+
+/// How far from its target the feedback lets the load stand, because half a step of the current output
+/// rounds to none.
+fn current_step(design: &Design) -> Check {
+    let stiffness: f64 = design.regulator.iter().step_by(2).sum();
+    let value = 0.5 * design.drive.actuator.current_resolution / stiffness;
+    // Half of the band, on the step of the experiments.
+    let step = SCENARIOS[0].target;
+    let limit = 0.5 * SETTLING_BAND * step;
+    let units = design.drive.kind.units();
+    Check {
+        name: "current_step",
+        // The smaller the better.
+        verdict: verdict(limit / value, 1.0, 0.0),
+        value,
+        limit,
+        advice: format!(
+            "{} from the target at which the current rounds to none, against the band of a step of {} {}: a \
+             finer actuator.current_resolution or a smaller cost.current",
+            units.position,
+            1e3 * step,
+            units.milli_position
         ),
     }
 }
@@ -509,6 +537,8 @@ mod tests {
             named(&coarse, "encoder_force_noise").verdict,
             Verdict::Refuse
         );
+        let rough = design(|drive| drive.actuator.current_resolution = 0.05);
+        assert_eq!(named(&rough, "current_step").verdict, Verdict::Warn);
         let slow = design(|drive| drive.control.sample_time = 4e-3);
         assert_eq!(
             named(&slow, "samples_per_fastest_mode").verdict,
