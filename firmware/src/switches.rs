@@ -11,8 +11,9 @@
 //! | on | | 3 | jerk-limited move to 30 mm |
 //!
 //! After a reset nothing is asked until the run switch has been seen open: a drive whose supply or
-//! processor failed does not move by itself. The excite switch counts at the moment the run switch is closed; after an excitation the drive
-//! stays idle until the run switch has been opened and is closed again.
+//! processor failed does not move by itself. The excite switch counts at the moment the run switch is
+//! closed; after an excitation the drive stays idle until the run switch has been opened and is closed
+//! again.
 
 use crate::board::Levels;
 use crate::excitation::{self, EXCITATION};

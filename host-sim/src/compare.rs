@@ -148,8 +148,7 @@ pub fn cases(design: &Design) -> Vec<Case> {
 /// All laws on all plants.
 ///
 /// # Errors
-/// [`Error::Design`] or
-/// [`Error::Simulation`] when a rival cannot be formed.
+/// [`Error::Design`] or [`Error::Simulation`] when a rival cannot be formed, or the runs are too long.
 pub fn compare(design: &Design) -> Result<Vec<Row>> {
     let cases = cases(design);
     let duration = duration(design);

@@ -5,7 +5,8 @@
 //!                       +-------> observer (L, eq. (17)) ----+
 //! ```
 //!
-//! What a design is judged by: `drive_loop`, `checks`, `margins`, `finite_horizon`; the paper's own numbers: `paper`.
+//! What a design is judged by: `drive_loop`, `checks`, `margins`, `finite_horizon`; the paper's own
+//! numbers: `paper`.
 
 pub mod checks;
 pub mod discretise;

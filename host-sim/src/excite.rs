@@ -17,6 +17,7 @@ mod source;
 
 use crate::drive::Drive;
 use crate::error::{Error, Result};
+use crate::identify::LEAST_COUNTS;
 use crate::model::Chain;
 use crate::report::significant;
 use arso_core::Current;
@@ -50,8 +51,6 @@ const LEAST_PEAK: i16 = 10;
 /// predicted: the machine is not yet known.
 const TRAVEL: f64 = 4.0;
 const LEAST_TRAVEL: f64 = 2.0;
-/// Encoder counts by which the machine must move, as identification asks.
-const LEAST_COUNTS: f64 = crate::identify::LEAST_COUNTS;
 
 /// Which signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]

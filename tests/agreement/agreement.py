@@ -284,14 +284,12 @@ def random_drive(rng):
     return drive
 
 
-def design(host_sim, drive, refusal=None):
-    """What host-sim designs for a drive; None where it fails with the given words."""
+def design(host_sim, drive):
+    """What host-sim designs for a drive."""
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "drive.toml"
         path.write_text(toml(drive))
         run = subprocess.run([host_sim, "design", "--json", path], capture_output=True, text=True)
-    if refusal and refusal in run.stderr:
-        return None
     if not run.stdout:
         raise SystemExit(f"design failed: {run.stderr}\n{toml(drive)}")
     return json.loads(run.stdout)
@@ -300,10 +298,7 @@ def design(host_sim, drive, refusal=None):
 def placed_poles(host_sim, drive):
     """Slowest observer pole over that of the regulator, poles placed, by other eigenvalues."""
     speed = 3.0
-    placed = drive | {"observer": {"design": "poles", "speed": speed}}
-    found = design(host_sim, placed, refusal="cannot be placed accurately")
-    if found is None:
-        return None
+    found = design(host_sim, drive | {"observer": {"design": "poles", "speed": speed}})
     a, b, mass = chain(drive)
     ad, bd, k, _ = regulator(drive, a, b)
     transition, _, _ = observer(drive, a, mass)
@@ -373,19 +368,18 @@ def main():
     chains = int(sys.argv[2]) if len(sys.argv) > 2 else 50
     rng = np.random.default_rng(20261124)
     default = tomllib.loads((Path(__file__).parents[2] / "host-sim/drive.toml").read_text())
-    worst, unstable, placed = {}, 0, 0
+    worst, unstable = {}, 0
     for i in range(chains + 1):
         drive = random_drive(rng) if i else default
         found = compare(host_sim, drive)
         unstable += "margins" not in found
         for name, value in found.items():
             worst[name] = max(worst.get(name, (0.0, 0)), (value, i))
-        ratio = placed_poles(host_sim, drive) if i <= 10 else None
-        if ratio:
-            placed += 1
-            worst["placed_poles"] = max(worst.get("placed_poles", (0.0, 0)), (abs(ratio - 1), i))
+        if i <= 10:
+            off = abs(placed_poles(host_sim, drive) - 1)
+            worst["placed_poles"] = max(worst.get("placed_poles", (0.0, 0)), (off, i))
     print(f"worst relative disagreement over the default drive and {chains} random chains,")
-    print(f"{unstable} of which have no stable loop of their own; poles were placed for {placed} of 11:")
+    print(f"{unstable} of which have no stable loop of their own:")
     for name, (value, i) in worst.items():
         print(f"  {name:18} {value:.1e} (chain {i})")
     bad = [name for name, (value, _) in worst.items() if not value < LIMIT]

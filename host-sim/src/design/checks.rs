@@ -42,14 +42,12 @@ pub struct Check {
     pub advice: String,
 }
 
-/// All checks of a design.
-///
-/// * `margins`: of the drive's loop; none when it is not stable
+/// All checks of a design but those of its loop, [`closed_loop`] and [`peak_sensitivity`].
 ///
 /// # Errors
 /// [`Error::Design`](crate::error::Error::Design) when an eigenvalue iteration does not converge.
-pub fn checks(design: &Design, margins: Option<&Margins>) -> Result<Vec<Check>> {
-    let mut checks = vec![
+pub(super) fn checks(design: &Design) -> Result<Vec<Check>> {
+    Ok(vec![
         riccati_residual(design),
         distinct_eigenvalues(design)?,
         observability(design)?,
@@ -59,10 +57,7 @@ pub fn checks(design: &Design, margins: Option<&Margins>) -> Result<Vec<Check>> 
         encoder_noise(design),
         current_step(design),
         commissioning_brake(design)?,
-        closed_loop(design)?,
-    ];
-    checks.extend(margins.map(peak_sensitivity));
-    Ok(checks)
+    ])
 }
 
 fn verdict(value: f64, warn_below: f64, refuse_below: f64) -> Verdict {
@@ -399,7 +394,7 @@ pub(super) fn closed_loop(design: &Design) -> Result<Check> {
 }
 
 /// How far the loop stays from the brink over all frequencies.
-fn peak_sensitivity(margins: &Margins) -> Check {
+pub(super) fn peak_sensitivity(margins: &Margins) -> Check {
     let (value, limit) = (margins.peak_sensitivity, 2.0);
     Check {
         name: "peak_sensitivity",
@@ -443,6 +438,7 @@ fn force_noise(design: &Design) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::judgement::Judgement;
     use super::*;
     use crate::drive::Drive;
 
@@ -452,17 +448,10 @@ mod tests {
         Design::new(&drive).unwrap()
     }
 
-    fn all(design: &Design) -> Vec<Check> {
-        let stable = closed_loop(design).unwrap().verdict != Verdict::Refuse;
-        let margins = stable.then(|| Margins::of_drive(design).unwrap());
-        checks(design, margins.as_ref()).unwrap()
-    }
-
     fn named(design: &Design, name: &str) -> Check {
-        all(design)
-            .into_iter()
-            .find(|check| check.name == name)
-            .unwrap()
+        let judged = Judgement::new(design).unwrap();
+        let mut checks = judged.checks.into_iter();
+        checks.find(|check| check.name == name).unwrap()
     }
 
     /// THEORY section 3: 0.005, 0.026, 0.104 N at 1, 5, 20 um.
@@ -476,7 +465,7 @@ mod tests {
 
     #[test]
     fn the_default_drive_passes_everything() {
-        for check in all(&design(|_| ())) {
+        for check in Judgement::new(&design(|_| ())).unwrap().checks {
             assert_eq!(check.verdict, Verdict::Pass, "{check:?}");
         }
     }

@@ -1,6 +1,6 @@
 //! Everything a design is judged by, together.
 
-use super::checks::{Check, Verdict, checks, closed_loop};
+use super::checks::{Check, Verdict, checks, closed_loop, peak_sensitivity};
 use super::margins::Margins;
 use super::{Design, finite_horizon};
 use crate::error::Result;
@@ -45,11 +45,15 @@ impl Judgement {
     /// # Errors
     /// [`Error::Design`](crate::error::Error::Design) when something cannot be computed.
     pub fn new(design: &Design) -> Result<Self> {
-        let stable = closed_loop(design)?.verdict != Verdict::Refuse;
+        let mut checks = checks(design)?;
+        let closed_loop = closed_loop(design)?;
+        let stable = closed_loop.verdict != Verdict::Refuse;
         let margins = stable.then(|| Margins::of_drive(design)).transpose()?;
+        checks.push(closed_loop);
+        checks.extend(margins.as_ref().map(peak_sensitivity));
         Ok(Self {
             distinct_eigenvalues: separation(&eigenvalues(&design.chain.a())?) > 1e-6,
-            checks: checks(design, margins.as_ref())?,
+            checks,
             margins,
             margins_full_state: Margins::of_full_state(design)?,
             finite_horizon: convergence(design, &TIMES)?,

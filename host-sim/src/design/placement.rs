@@ -15,8 +15,8 @@ const ACCURACY: f64 = 1e-7;
 ///
 /// # Errors
 /// [`Error::Design`] when the poles cannot be placed, or not accurately: a pole that `b` cannot move,
-/// one that is asked for twice, or one that
-/// `A` has already; and where many poles must move far, so that rounding moves them as well.
+/// one that is asked for twice, or one that `A` has already; and
+/// where many poles must move far, so that rounding moves them as well.
 pub fn place(a: &DMatrix<f64>, b: &DVector<f64>, poles: &[Complex<f64>]) -> Result<DVector<f64>> {
     let n = b.len();
     let failed = || Error::Design("the poles cannot be placed accurately".into());

@@ -27,15 +27,15 @@ pub fn table(drive: &Drive, identification: &Identification) -> String {
     let right = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
     for identified in &identification.quantities {
         let change = identified.value - identified.before;
-        let (deviation, change) = if identified.held {
-            ("held".into(), String::new())
-        } else if identified.before == 0.0 {
-            (format!("{:.2e}", 3.0 * identified.std), String::new())
+        let deviation = if identified.held {
+            "held".into()
         } else {
-            (
-                format!("{:.2e}", 3.0 * identified.std),
-                format!("{:+.2} %", 100.0 * change / identified.before),
-            )
+            format!("{:.2e}", 3.0 * identified.std)
+        };
+        let change = if identified.held || identified.before == 0.0 {
+            String::new()
+        } else {
+            format!("{:+.2} %", 100.0 * change / identified.before)
         };
         table.add_row([
             Cell::new(identified.quantity.name()),
