@@ -281,3 +281,31 @@ fn rivals_are_compared_on_the_same_plants() {
         "{error}"
     );
 }
+
+/// What would run for minutes, or into all of the memory, is refused before it begins.
+#[test]
+fn runs_that_would_not_end_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let soft = DRIVE.replace("stiffness = 300.0", "stiffness = 1e-3");
+    fs::write(at.join("soft.toml"), soft).unwrap();
+    let quick = DRIVE.replace("sample_time = 1e-3", "sample_time = 1e-4");
+    fs::write(at.join("quick.toml"), quick).unwrap();
+    for (arguments, expected, sentence) in [
+        (
+            &["compare", "soft.toml"][..],
+            1,
+            "at most 50000 can be compared",
+        ),
+        (
+            &["simulate", "quick.toml", "--duration", "100.1"],
+            2,
+            "--duration 100.1: must be 1000000 control periods of 0.0001 s at most",
+        ),
+    ] {
+        let (code, out, error) = run(at, arguments);
+        assert_eq!((code, out.as_str()), (expected, ""), "{error}");
+        assert_eq!(error.lines().count(), 1, "{error}");
+        assert!(error.contains(sentence), "{error}");
+    }
+}
