@@ -6,18 +6,22 @@
 //! within 2²⁴ counts of the origin (16.8 m at 1 um). The first reading is taken as a signed
 //! number, so that a drive started left of the index is at a negative position.
 
+use crate::check::{SettingsError, positive};
 use crate::units::{Counts, Position};
+use serde::{Deserialize, Serialize};
 
-/// Configuration of the encoder.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The encoder.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Encoder {
-    resolution: f32,
-    counter_bits: u32,
+    /// Distance per count after x4 decoding, m.
+    pub resolution: f32,
+    /// Width of the counter, 2 to 32 bits.
+    pub counter_bits: u32,
 }
 
 /// What has been counted so far.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct State {
+pub struct Memory {
     last: u32,
     total: i64,
     started: bool,
@@ -36,41 +40,40 @@ pub struct Reading {
 }
 
 impl Encoder {
-    /// * `resolution`: distance per count after x4 decoding, m
-    /// * `counter_bits`: width of the counter, clamped to 2..=32
-    #[must_use]
-    pub fn new(resolution: f32, counter_bits: u32) -> Self {
-        Self {
-            resolution,
-            counter_bits: counter_bits.clamp(2, 32),
+    pub(crate) fn check(&self) -> Result<(), SettingsError> {
+        positive("encoder.resolution", self.resolution)?;
+        if (2..=32).contains(&self.counter_bits) {
+            Ok(())
+        } else {
+            Err(SettingsError::CounterBits)
         }
     }
 
     /// One reading.
-    pub fn step(&self, state: &mut State, count: Counts) -> Reading {
-        let difference = if state.started {
-            self.signed(count.0.wrapping_sub(state.last))
+    pub fn step(&self, memory: &mut Memory, count: Counts) -> Reading {
+        let difference = if memory.started {
+            self.signed(count.0.wrapping_sub(memory.last))
         } else {
             0
         };
-        if state.started {
-            state.total = state.total.wrapping_add(i64::from(difference));
+        if memory.started {
+            memory.total = memory.total.wrapping_add(i64::from(difference));
         } else {
-            state.total = i64::from(self.signed(count.0));
-            state.started = true;
+            memory.total = i64::from(self.signed(count.0));
+            memory.started = true;
         }
-        state.last = count.0;
+        memory.last = count.0;
         Reading {
-            position: Position(state.total as f32 * self.resolution),
+            position: Position(memory.total as f32 * self.resolution),
             displacement: difference as f32 * self.resolution,
-            jump: difference.unsigned_abs() > 1 << (self.counter_bits - 2),
+            jump: difference.unsigned_abs() > 1_u32.wrapping_shl(self.counter_bits.wrapping_sub(2)),
         }
     }
 
     /// The lowest `counter_bits` of a number as two's complement.
     fn signed(self, number: u32) -> i32 {
-        let unused = 32 - self.counter_bits;
-        ((number << unused) as i32) >> unused
+        let unused = 32_u32.wrapping_sub(self.counter_bits);
+        (number.wrapping_shl(unused) as i32).wrapping_shr(unused)
     }
 }
 
@@ -88,8 +91,11 @@ mod tests {
             (16, 0x8000, -32768.0),
             (32, 0xFFFF_FFFE, -2.0),
         ] {
-            let encoder = Encoder::new(1.0, bits);
-            let reading = encoder.step(&mut State::default(), Counts(raw));
+            let encoder = Encoder {
+                resolution: 1.0,
+                counter_bits: bits,
+            };
+            let reading = encoder.step(&mut Memory::default(), Counts(raw));
             assert_eq!(reading.position.0, expected);
             assert_eq!(reading.displacement, 0.0);
             assert!(!reading.jump);
@@ -104,10 +110,13 @@ mod tests {
             (49151, true),
             (49152, false),
         ] {
-            let encoder = Encoder::new(1e-6, 16);
-            let mut state = State::default();
-            encoder.step(&mut state, Counts(0));
-            assert_eq!(encoder.step(&mut state, Counts(step)).jump, jump, "{step}");
+            let encoder = Encoder {
+                resolution: 1e-6,
+                counter_bits: 16,
+            };
+            let mut memory = Memory::default();
+            encoder.step(&mut memory, Counts(0));
+            assert_eq!(encoder.step(&mut memory, Counts(step)).jump, jump, "{step}");
         }
     }
 
@@ -119,14 +128,14 @@ mod tests {
             start in -1000_i64..1000,
             steps in prop::collection::vec(-30_000_i64..30_000, 1..200),
         ) {
-            let encoder = Encoder::new(1.0, bits);
-            let mut state = State::default();
+            let encoder = Encoder { resolution: 1.0, counter_bits: bits };
+            let mut memory = Memory::default();
             let modulus = 1_i64 << bits;
             let mut truth = start;
-            encoder.step(&mut state, Counts(truth.rem_euclid(modulus) as u32));
+            encoder.step(&mut memory, Counts(truth.rem_euclid(modulus) as u32));
             for step in steps {
                 truth += step;
-                let reading = encoder.step(&mut state, Counts(truth.rem_euclid(modulus) as u32));
+                let reading = encoder.step(&mut memory, Counts(truth.rem_euclid(modulus) as u32));
                 prop_assert_eq!(reading.position.0, truth as f32);
                 prop_assert_eq!(reading.displacement, step as f32);
             }
@@ -135,10 +144,10 @@ mod tests {
         /// Bits above the counter's width are ignored and nothing overflows.
         #[test]
         fn any_reading_is_taken(bits in 0_u32..40, raw in prop::collection::vec(any::<u32>(), 1..50)) {
-            let encoder = Encoder::new(1e-6, bits);
-            let mut state = State::default();
+            let encoder = Encoder { resolution: 1e-6, counter_bits: bits };
+            let mut memory = Memory::default();
             for count in raw {
-                let reading = encoder.step(&mut state, Counts(count));
+                let reading = encoder.step(&mut memory, Counts(count));
                 prop_assert!(reading.position.0.is_finite() && reading.displacement.is_finite());
             }
         }

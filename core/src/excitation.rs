@@ -15,7 +15,7 @@
 //! does not seem to move at all, because then its travel is not known. The amplifier is then off and
 //! nothing brakes: the machine coasts on.
 
-use crate::supervisor::Fault;
+use crate::fault::Fault;
 use crate::units::{Current, Position};
 
 /// What is played; written by the design program or built in memory.
@@ -36,7 +36,7 @@ pub struct Excitation {
 
 /// How far it has come.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct State {
+pub struct Memory {
     /// Next entry of the profile.
     next: usize,
     /// Repetitions that are done.
@@ -59,40 +59,40 @@ impl Excitation {
     /// which nothing moved, [`Fault::NonFinite`] where `unit` or `travel` is no number.
     pub fn step(
         &self,
-        state: &mut State,
+        memory: &mut Memory,
         position: Position,
         least_motion: f32,
     ) -> Result<Option<Current>, Fault> {
         if !(self.unit.is_finite() && self.travel.is_finite()) {
             return Err(Fault::NonFinite);
         }
-        let first = state.origin.is_none();
-        let origin = *state.origin.get_or_insert(position.0);
+        let first = memory.origin.is_none();
+        let origin = *memory.origin.get_or_insert(position.0);
         // What cannot be compared is not within the travel either.
         let within = (position.0 - origin).abs() <= self.travel;
         if !within {
             return Err(Fault::Travel);
         }
         if !first {
-            state.lowest = state.lowest.min(position.0);
-            state.highest = state.highest.max(position.0);
+            memory.lowest = memory.lowest.min(position.0);
+            memory.highest = memory.highest.max(position.0);
         }
-        if state.next == 0 || state.next == self.profile.len() / 2 {
-            if !first && state.highest - state.lowest < least_motion {
+        if memory.next == 0 || memory.next == self.profile.len() / 2 {
+            if !first && memory.highest - memory.lowest < least_motion {
                 return Err(Fault::NoMotion);
             }
-            (state.lowest, state.highest) = (position.0, position.0);
+            (memory.lowest, memory.highest) = (position.0, position.0);
         }
-        if state.done >= self.repetitions {
+        if memory.done >= self.repetitions {
             return Ok(None);
         }
-        let Some(steps) = self.profile.get(state.next) else {
+        let Some(steps) = self.profile.get(memory.next) else {
             return Ok(None);
         };
-        state.next += 1;
-        if state.next >= self.profile.len() {
-            state.next = 0;
-            state.done += 1;
+        memory.next += 1;
+        if memory.next >= self.profile.len() {
+            memory.next = 0;
+            memory.done += 1;
         }
         Ok(Some(Current(f32::from(*steps) * self.unit)))
     }
@@ -115,13 +115,13 @@ mod tests {
     };
 
     fn play(excitation: Excitation, position: impl Fn(usize) -> f32) -> (Vec<f32>, Option<Fault>) {
-        let (mut state, mut played) = (State::default(), Vec::new());
+        let (mut memory, mut played) = (Memory::default(), Vec::new());
         for k in 0..100 {
-            match excitation.step(&mut state, Position(position(k)), 0.0) {
+            match excitation.step(&mut memory, Position(position(k)), 0.0) {
                 Ok(Some(current)) => played.push(current.0),
                 Ok(None) => {
                     // The end is the end.
-                    let after = excitation.step(&mut state, Position(position(k)), 0.0);
+                    let after = excitation.step(&mut memory, Position(position(k)), 0.0);
                     assert_eq!(after, Ok(None));
                     return (played, None);
                 }
@@ -182,10 +182,10 @@ mod tests {
             ..EXCITATION
         };
         for (dies, found) in [(0, 10), (3, 20), (13, 30), (100, 40)] {
-            let (mut state, mut k) = (State::default(), 0_usize);
+            let (mut memory, mut k) = (Memory::default(), 0_usize);
             let end = loop {
                 let position = 1e-4 * k.min(dies) as f32;
-                match excitation.step(&mut state, Position(position), 1.5e-4) {
+                match excitation.step(&mut memory, Position(position), 1.5e-4) {
                     Ok(Some(_)) => k += 1,
                     end => break end,
                 }
@@ -233,12 +233,12 @@ mod tests {
                 repetitions,
                 travel: 1.0,
             };
-            let mut state = State::default();
+            let mut memory = Memory::default();
             for k in 0..length {
-                let current = excitation.step(&mut state, Position(0.0), 0.0).unwrap();
+                let current = excitation.step(&mut memory, Position(0.0), 0.0).unwrap();
                 prop_assert_eq!(current, Some(Current(expected[k % expected.len()])));
             }
-            prop_assert_eq!(excitation.step(&mut state, Position(0.0), 0.0), Ok(None));
+            prop_assert_eq!(excitation.step(&mut memory, Position(0.0), 0.0), Ok(None));
         }
     }
 }

@@ -27,7 +27,7 @@ impl Vibration {
     }
 
     /// Takes one record in.
-    pub fn update<const N: usize>(&mut self, telemetry: &Telemetry<N>) {
+    pub fn update<const N: usize>(&mut self, telemetry: &Telemetry<[f32; N]>) {
         let Some(position) = telemetry.load_position.last() else {
             return;
         };

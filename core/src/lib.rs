@@ -1,42 +1,48 @@
 //! Control core of a motor drive that positions a flexible load with no sensor on it.
 //!
-//! One control step is one straight corridor; a value passes each room once:
+//! One control period is one straight corridor; a value passes each part once:
 //!
 //! ```text
 //! encoder count -> position -> disturbance and reaction-force observer -> state observer
 //!               -> regulator -> limiter -> current command
-//! target -> reference of every state + feed-forward current --^
+//! target -> reference of every mass + feed-forward current --^
 //! ```
 //!
 //! | Module | What it is for | Equation of the paper |
 //! |---|---|---|
 //! | [`encoder`] | wrapping counts to metres | |
-//! | [`disturbance`] | disturbance observer, reaction-force observer | (19), (18) |
+//! | [`disturbance`], [`reaction_force`] | the force observers | (19), (18) |
 //! | [`observer`] | action-reaction state observer and its variants | (17) |
 //! | [`regulator`] | constant-gain state feedback | (13) |
-//! | [`reference`](mod@reference) | steps and jerk-limited moves | |
+//! | [`moves`] | references of every mass: steps and jerk-limited moves | |
 //! | [`limits`] | limiting of the command | |
-//! | [`supervisor`] | states and faults of the drive | |
-//! | [`commissioning`] | a small motion that proves the signs | |
-//! | [`excitation`] | a current played in open loop, for identification | |
 //! | [`controller`] | the corridor: [`Controller::step`] | |
-//! | [`gains`] | plain data that a design fills in | |
-//! | [`telemetry`] | one record per step | |
+//! | [`mode`], [`link`] | what the drive does; what is asked of it, and its answers | |
+//! | [`fault`], `protection` | the faults, and what watches for them | |
+//! | [`direction_check`] | a small motion that proves the signs | |
+//! | [`excitation`] | a current played in open loop, for identification | |
+//! | [`settings`] | all that the core knows of a drive, plain data | |
+//! | [`telemetry`] | one record per period | |
 //! | [`indicator`] | vibration level for people, not for control | |
+//! | [`filter`] | the filters that the force observers are made of | |
+//! | [`theory`] | every equation as implemented, and where it departs from the print | (2) to (19) |
 //!
-//! `N` is the number of load masses, `S` the number of states of the observer. Everything is
-//! `f32`, nothing is allocated, and a step always takes the same path of bounded length.
-//! Quantities cross the boundary as types of their own ([`units`]). SI units throughout; for a
-//! rotary drive read kg m² for kg, rad for m and N m for N.
+//! A part is plain data with its coefficients, and `step` takes it over one period; what it remembers
+//! from one period to the next is its `Memory`, kept by the mode that uses it. `N` is the number of load
+//! masses, `S` the number of states of the observer. Everything is `f32`, nothing is allocated, and a
+//! period always takes the same path of bounded length. Quantities cross the boundary as types of their
+//! own ([`units`]). SI units throughout; for a rotary drive read kg m² for kg, rad for m and N m for N.
 //!
 //! ```
-//! use arso_core::{Command, Controller, Counts, Current, Gains, GainsError, Measurement};
-//! use arso_core::Request;
+//! use arso_core::observer::Anchored;
+//! use arso_core::{Command, Controller, Counts, Current, Measurement, Refusal, Request, Settings};
 //!
 //! /// First command of a new drive: it waits for rest before it proves its signs.
-//! fn first_command(gains: &Gains<3, 9>) -> Result<Command, GainsError> {
-//!     let mut controller = Controller::new(gains)?;
-//!     controller.request(Request::Commission);
+//! fn first_command(settings: &Settings<3, Anchored<3, 9>>) -> Result<Command, Refusal> {
+//!     let Ok(mut controller) = Controller::new(settings) else {
+//!         return Ok(Command::default());
+//!     };
+//!     controller.request(Request::Commission)?;
 //!     // When it is ready: Request::Start, then Request::Step(Position(0.03)).
 //!     Ok(controller.step(Measurement { count: Counts(0), current: Current(0.0) }))
 //! }
@@ -44,25 +50,37 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod commissioning;
+pub mod actuator;
+mod check;
 pub mod controller;
+mod direction_check;
 pub mod disturbance;
 pub mod encoder;
 pub mod excitation;
-pub mod gains;
+pub mod fault;
+pub mod filter;
 pub mod indicator;
 pub mod limits;
+pub mod link;
+pub mod mode;
+pub mod moves;
 pub mod observer;
-pub mod reference;
+mod protection;
+pub mod reaction_force;
 pub mod regulator;
-pub mod supervisor;
+pub mod settings;
 pub mod telemetry;
+#[doc = include_str!("theory.md")]
+pub mod theory {}
 pub mod units;
 
-pub use controller::{Command, Controller, Measurement, Request};
+pub use check::SettingsError;
+pub use controller::{Command, Controller, Measurement};
 pub use excitation::Excitation;
-pub use gains::{Gains, GainsError};
+pub use fault::Fault;
 pub use indicator::Vibration;
-pub use supervisor::{Fault, State};
+pub use link::{Refusal, Request};
+pub use mode::Mode;
+pub use settings::Settings;
 pub use telemetry::Telemetry;
 pub use units::{Counts, Current, Force, Position, Velocity};

@@ -4,10 +4,12 @@
 //! and what comes out here is what is applied: the observers are fed with it in the next period,
 //! so saturation does not wind anything up. Their innovation itself is never clamped.
 
+use crate::check::{SettingsError, not_negative, positive};
 use crate::units::Current;
+use serde::{Deserialize, Serialize};
 
 /// What the current output can do.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Limits {
     /// Largest magnitude of the current, A.
     pub current_limit: f32,
@@ -26,26 +28,44 @@ pub struct Limited {
 
 impl Limits {
     /// Clamps and rounds, halves away from zero; the result never exceeds the limit. `None`
-    /// when the command is not finite.
+    /// when the command is not finite, or the limits are none.
     #[must_use]
     pub fn step(&self, command: Current) -> Option<Limited> {
         if !command.0.is_finite() {
             return None;
         }
-        let clamped = command.0.clamp(-self.current_limit, self.current_limit);
+        let clamped = clamped(command.0, self.current_limit);
         let current = if self.current_resolution > 0.0 {
             // A few rounding errors wide, so that a limit of 2 A is 2000 steps of 1 mA.
             let steps = self.current_limit / self.current_resolution * (1.0 + 4.0 * f32::EPSILON);
             let largest = libm::floorf(steps);
             let rounded = libm::roundf(clamped / self.current_resolution);
-            rounded.clamp(-largest, largest) * self.current_resolution
+            self::clamped(rounded, largest) * self.current_resolution
         } else {
             clamped
         };
-        Some(Limited {
+        // Their product may be a rounding beyond the limit; what cannot be compared is not within it.
+        let current = self::clamped(current, self.current_limit);
+        (current.abs() <= self.current_limit).then_some(Limited {
             current: Current(current),
             limited: command.0.abs() > self.current_limit,
         })
+    }
+
+    pub(crate) fn check(&self) -> Result<(), SettingsError> {
+        positive("limits.current_limit", self.current_limit)?;
+        not_negative("limits.current_resolution", self.current_resolution)
+    }
+}
+
+/// A value within ± a bound; `f32::clamp` panics where the bound is negative or no number.
+fn clamped(value: f32, bound: f32) -> f32 {
+    if value > bound {
+        bound
+    } else if value < -bound {
+        -bound
+    } else {
+        value
     }
 }
 
@@ -80,6 +100,12 @@ mod tests {
                 "{command}"
             );
         }
+        // Three steps of 0.3 A are a rounding above 0.9 A.
+        let third = Limits {
+            current_limit: 0.9,
+            current_resolution: 0.3,
+        };
+        assert_eq!(third.step(Current(5.0)).unwrap().current.0, 0.9);
         // A limit that is no whole number of steps is kept from below.
         let uneven = Limits {
             current_limit: 0.9,
@@ -97,6 +123,24 @@ mod tests {
     }
 
     proptest! {
+        /// Whatever the fields are: no panic, and never more than a limit that is one.
+        #[test]
+        fn any_limits_can_be_stepped(
+            command in prop::num::f32::ANY,
+            current_limit in prop::num::f32::ANY,
+            current_resolution in prop::num::f32::ANY,
+        ) {
+            let limits = Limits { current_limit, current_resolution };
+            if let Some(limited) = limits.step(Current(command)) {
+                prop_assert!(limited.current.0.abs() <= current_limit);
+            } else {
+                let meant = command.is_finite() && limits.check().is_ok();
+                // The steps of a tiny resolution may be no number.
+                let steps = current_limit / current_resolution;
+                prop_assert!(!meant || !steps.is_finite() || steps > 1e30);
+            }
+        }
+
         #[test]
         fn every_finite_command_is_within_the_limit_and_half_a_step(
             command in prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,

@@ -1,23 +1,27 @@
 //! Quantities as types, so that counts cannot pass for metres nor amperes for newtons.
 //!
-//! The number inside is in the SI unit named; arithmetic is done on it in the open.
+//! The number inside is in the SI unit named; arithmetic is done on it in the open. It is an `f32`
+//! unless the analysis on the PC says otherwise.
+
+use serde::{Deserialize, Serialize};
 
 /// Raw reading of the encoder's counter, as the hardware delivers it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts(pub u32);
 
 /// Position, m.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Position(pub f32);
 
 /// Velocity, m/s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Velocity(pub f32);
+pub struct Velocity<T = f32>(pub T);
 
 /// Current, A.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Current(pub f32);
+pub struct Current<T = f32>(pub T);
 
 /// Force, N.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Force(pub f32);
+pub struct Force<T = f32>(pub T);

@@ -1,81 +1,100 @@
-//! The drive board: STM32F405RG, crystal of 8 MHz.
-//!
-//! | pin | what |
-//! |---|---|
-//! | PC6, PC7 | encoder phases A, B (TIM3) |
-//! | PA4 | current reference to the servo amplifier (DAC channel 1) |
-//! | PB12 | amplifier enable, high: enabled |
-//! | PC2 | run switch |
-//! | PC3 | excite switch |
-//! | PC0, PC1 | target switches, low and high bit |
-//!
-//! One file per peripheral. The only `unsafe` of the firmware is in here, each with its reason.
-#![allow(unsafe_code, reason = "this is where the hardware is touched")]
+//! What the drive asks of a board, and what a board can do.
 
-mod control_timer;
-mod current_output;
-mod cycles;
-mod encoder;
-mod inputs;
-mod rtt;
-mod safe_stop;
-mod watchdog;
+use arso_core::{Command, Counts, Current};
 
-pub(crate) use control_timer::ControlTimer;
-pub(crate) use current_output::{CurrentOutput, DacOutput};
-pub(crate) use cycles::Cycles;
-pub(crate) use encoder::Encoder;
-pub(crate) use inputs::{Inputs, Levels};
-pub(crate) use safe_stop::stop;
-pub(crate) use watchdog::Watchdog;
-
-use stm32f4xx_hal::pac;
-use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::rcc::Config;
-
-/// Processor clock; the timers on APB1 run at half of it.
-const CLOCK_HZ: u32 = 168_000_000;
-
-/// Everything the drive uses, set up; the control interrupt starts when interrupts are enabled.
-pub(crate) struct Board {
-    pub(crate) timer: ControlTimer,
-    pub(crate) encoder: Encoder,
-    pub(crate) output: DacOutput,
-    pub(crate) cycles: Cycles,
-    pub(crate) inputs: Inputs,
-    pub(crate) watchdog: Watchdog,
+/// What a board can do; the settings of a drive are held against it.
+#[derive(Clone, Copy, Debug)]
+pub struct Capabilities {
+    /// Width of the encoder's counter.
+    pub counter_bits: u32,
+    /// Step of the current output, A.
+    pub amperes_per_code: f32,
+    /// Largest current, A.
+    pub largest_current: f32,
+    /// Shortest and longest control period, µs.
+    pub periods: (u32, u32),
 }
 
-/// Sets the board up; the amplifier is disabled throughout.
-pub(crate) fn start(device: pac::Peripherals, core: cortex_m::Peripherals) -> Board {
-    rtt::start();
-    let mut rcc = device
-        .RCC
-        .freeze(Config::hse(8.MHz()).sysclk(CLOCK_HZ.Hz()));
-    let port_a = device.GPIOA.split(&mut rcc);
-    let port_b = device.GPIOB.split(&mut rcc);
-    let port_c = device.GPIOC.split(&mut rcc);
-    Board {
-        output: DacOutput::new(
-            device.DAC,
-            port_a.pa4,
-            port_b.pb12.into_push_pull_output(),
-            &mut rcc,
-        ),
-        encoder: Encoder::new(device.TIM3, port_c.pc6, port_c.pc7, &mut rcc),
-        cycles: Cycles::new(core.DCB, core.DWT),
-        inputs: Inputs::new(
-            port_c.pc2.into_pull_down_input(),
-            port_c.pc3.into_pull_down_input(),
-            port_c.pc0.into_pull_down_input(),
-            port_c.pc1.into_pull_down_input(),
-        ),
-        watchdog: Watchdog::new(device.IWDG, &device.DBGMCU),
-        timer: ControlTimer::new(device.TIM2, &mut rcc),
-    }
+/// A board: its parts by type, and what it can do.
+pub trait Board {
+    /// What it can do.
+    const CAPABILITIES: Capabilities;
+    /// What gives the control interrupt.
+    type Timer: ControlTimer;
+    /// What counts the encoder.
+    type Encoder: Encoder;
+    /// What makes the current flow.
+    type Output: CurrentOutput;
+    /// What times the control interrupt.
+    type Cycles: CycleCounter;
+    /// Its switches.
+    type Inputs: Inputs;
+    /// What resets it when the program has died.
+    type Watchdog: Watchdog;
+
+    /// Sleeps until the next interrupt.
+    fn wait_for_interrupt();
 }
 
-/// Sleeps until the next interrupt.
-pub(crate) fn wait_for_interrupt() {
-    cortex_m::asm::wfi();
+/// The parts of a board, set up, amplifier disabled.
+pub struct Hardware<B: Board> {
+    /// See [`Board::Timer`].
+    pub timer: B::Timer,
+    /// See [`Board::Encoder`].
+    pub encoder: B::Encoder,
+    /// See [`Board::Output`].
+    pub output: B::Output,
+    /// See [`Board::Cycles`].
+    pub cycles: B::Cycles,
+    /// See [`Board::Inputs`].
+    pub inputs: B::Inputs,
+    /// See [`Board::Watchdog`].
+    pub watchdog: B::Watchdog,
+}
+
+/// The timer of the control interrupt.
+pub trait ControlTimer {
+    /// Clears the interrupt that is being served.
+    fn acknowledge(&mut self);
+}
+
+/// The encoder's counter.
+pub trait Encoder {
+    /// The counter now.
+    fn count(&mut self) -> Counts;
+}
+
+/// Something that makes the commanded current flow.
+pub trait CurrentOutput {
+    /// Applies a command for the next period; returns the current that will flow.
+    fn apply(&mut self, command: &Command) -> Current;
+}
+
+/// A counter of processor cycles; wraps.
+pub trait CycleCounter {
+    /// Cycles now.
+    fn now(&self) -> u32;
+}
+
+/// The switches.
+pub trait Inputs {
+    /// Levels now; an input that cannot be read counts as off.
+    fn read(&mut self) -> Levels;
+}
+
+/// Levels of the switches.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub struct Levels {
+    /// The drive is to run.
+    pub run: bool,
+    /// A run plays the excitation instead of closing the loop.
+    pub excite: bool,
+    /// Which target, 0 to 3.
+    pub target: u8,
+}
+
+/// What resets the processor unless it is fed.
+pub trait Watchdog {
+    /// All is well.
+    fn feed(&mut self);
 }

@@ -2,25 +2,25 @@
 //!
 //! `cargo run --release -- design [DRIVE.toml] --rust firmware/src/gains.rs`
 
-use arso_core::Gains;
-use arso_core::disturbance::Actuator;
-use arso_core::gains::{EncoderGains, ObserverGains};
+use arso_core::Settings;
+use arso_core::actuator::Actuator;
+use arso_core::encoder::Encoder;
 use arso_core::limits::Limits;
-use arso_core::observer::Form;
-use arso_core::reference::MotionLimits;
+use arso_core::moves::rigid::MotionLimits;
+use arso_core::observer::{Anchored, LinearObserver};
 use arso_core::regulator::{MassGain, Regulator};
 
 /// Number of load masses.
 pub const LOADS: usize = 3;
 
-/// Number of states of the observer.
-pub const STATES: usize = 9;
+/// The state observer, with its number of states.
+pub type Observer = Anchored<LOADS, 9>;
 
 /// All that the core knows of the drive.
 #[rustfmt::skip]
-pub const GAINS: Gains<LOADS, STATES> = Gains {
+pub const GAINS: Settings<LOADS, Observer> = Settings {
     sample_time: 0.001, // s
-    encoder: EncoderGains { resolution: 1e-6, counter_bits: 16 }, // m
+    encoder: Encoder { resolution: 1e-6, counter_bits: 16 }, // m
     actuator: Actuator {
         mass: 0.059, // kg
         force_constant: 6.43, // N/A
@@ -29,9 +29,8 @@ pub const GAINS: Gains<LOADS, STATES> = Gains {
     },
     disturbance_cutoff: 628.0, // rad/s
     reaction_force_cutoff: 628.0, // rad/s
-    observer: ObserverGains {
-        form: Form::Anchored,
-        transition: [
+    observer: Anchored::new(LinearObserver::new(
+        [ // transition
             [0.9843311, 0.0009895414, 0.007798419, 5.209004e-6, 2.4011595e-5, 1.3503849e-8, 1.798249e-21, 0.0, 6.0156494e-23],
             [-31.16643, 0.9739423, 15.460057, 0.012951772, 0.08203421, 5.1356332e-5, -2.2277491e-17, 0.0, -2.6689822e-18],
             [0.007798419, 5.209004e-6, 0.9843551, 0.0009895549, 0.007822431, 5.2225078e-6, -8.647713e-19, 0.0, -3.3730156e-19],
@@ -42,10 +41,10 @@ pub const GAINS: Gains<LOADS, STATES> = Gains {
             [-39.0876, -0.02751114, -0.13649353, -7.8343495e-5, -0.0002732726, -1.4105407e-7, 0.33513725, 0.533658, 0.1312047],
             [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
         ],
-        input: [-0.0009947639, 0.0130546, -0.0009999864, 5.1472656e-5, -0.0009999999, 1.16325545e-7, 0.12333197, 0.027589625, 0.0],
-        output: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
-        correction: [-0.0020844769, -0.47140098, -0.0029773635, -0.048581157, -0.002555638, -0.11779711, 0.6633836, 0.4508329, 0.22231743],
-    },
+        [-0.0009947639, 0.0130546, -0.0009999864, 5.1472656e-5, -0.0009999999, 1.16325545e-7, 0.12333197, 0.027589625, 0.0], // input
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0], // output
+        [-0.0020844769, -0.47140098, -0.0029773635, -0.048581157, -0.002555638, -0.11779711, 0.6633836, 0.4508329, 0.22231743], // correction
+    )),
     regulator: Regulator { // A/m, A s/m
         actuator: MassGain { position: 59.395927, velocity: 1.1318438 },
         loads: [

@@ -1,13 +1,16 @@
-//! What the drive says over defmt: every control step, changes of state, and a summary each
-//! second.
+//! What the drive says over defmt: the record of every control period, changes of mode, refusals, and a
+//! summary each second.
+//!
+//! A record is logged in its serialised form (postcard), which `host-sim capture` reads with the very type
+//! that wrote it.
 
-use crate::gains::LOADS;
-use arso_core::{State, Telemetry, Vibration};
+use crate::settings::LOADS;
+use arso_core::{Mode, Refusal, Telemetry, Vibration};
 
 /// Follows the records and logs them.
 pub(crate) struct Log {
     vibration: Vibration,
-    state: State,
+    mode: Mode,
     /// Records per summary.
     summary: u32,
     records: u32,
@@ -22,7 +25,7 @@ impl Log {
     pub(crate) fn new(sample_time: f32) -> Self {
         Self {
             vibration: Vibration::new(sample_time),
-            state: State::Idle,
+            mode: Mode::Idle,
             summary: (1.0 / sample_time) as u32,
             records: 0,
             worst_cycles: 0,
@@ -32,32 +35,36 @@ impl Log {
     }
 
     /// Logs one record and whatever follows from it.
-    pub(crate) fn record(&mut self, record: &Telemetry<LOADS>) {
-        defmt::debug!("{}", record);
-        if let Some(expected) = self.expected {
-            self.lost = self.lost.saturating_add(record.step.wrapping_sub(expected));
+    pub(crate) fn record(&mut self, record: &Telemetry<[f32; LOADS]>) {
+        // A record of six loads takes 100 bytes at most.
+        let mut buffer = [0; 128];
+        if let Ok(bytes) = postcard::to_slice(record, &mut buffer) {
+            defmt::debug!("record {=[u8]}", bytes);
         }
-        self.expected = Some(record.step.wrapping_add(1));
+        if let Some(expected) = self.expected {
+            self.lost = self.lost.saturating_add(record.period.wrapping_sub(expected));
+        }
+        self.expected = Some(record.period.wrapping_add(1));
         // Nothing is estimated in any other state.
-        if record.state == State::Running {
+        if record.mode == Mode::Running {
             self.vibration.update(record);
         }
         self.worst_cycles = self.worst_cycles.max(record.cycles);
 
-        if record.state != self.state {
-            self.state = record.state;
-            match record.state {
-                State::Idle => defmt::info!("idle"),
-                State::Commissioning => defmt::info!("commissioning"),
-                State::Exciting => defmt::info!("exciting"),
-                State::Ready => defmt::info!("ready"),
-                State::Running => defmt::info!("running"),
-                State::Fault(fault) => {
+        if record.mode != self.mode {
+            self.mode = record.mode;
+            match record.mode {
+                Mode::Idle => defmt::info!("idle"),
+                Mode::Commissioning => defmt::info!("commissioning"),
+                Mode::Exciting => defmt::info!("exciting"),
+                Mode::Ready => defmt::info!("ready"),
+                Mode::Running => defmt::info!("running"),
+                Mode::Fault(fault) => {
                     defmt::error!(
-                        "fault {}: {} in step {}",
+                        "fault {}: {} in period {}",
                         fault.number(),
                         fault,
-                        record.step
+                        record.period
                     );
                 }
             }
@@ -66,19 +73,30 @@ impl Log {
         self.records += 1;
         if self.records >= self.summary {
             // Metres, or radians: the core does not know which.
-            if record.state == State::Running {
+            if record.mode == Mode::Running {
                 defmt::info!(
                     "vibration {} rms, SI units, within 5 %",
                     self.vibration.level()
                 );
             }
             defmt::info!(
-                "at most {} cycles per step, {} records lost",
+                "at most {} cycles per period, {} records lost",
                 self.worst_cycles,
                 self.lost,
             );
             self.records = 0;
             self.worst_cycles = 0;
         }
+    }
+
+    /// Logs what was asked in vain.
+    #[expect(clippy::unused_self, reason = "the log says it")]
+    pub(crate) fn refusal(&self, refusal: &Refusal) {
+        defmt::warn!(
+            "refused: {} ({}), the drive is {}",
+            refusal.request,
+            refusal.reason,
+            refusal.mode
+        );
     }
 }

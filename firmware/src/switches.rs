@@ -16,14 +16,7 @@
 //! again.
 
 use crate::board::Levels;
-use crate::excitation::{self, EXCITATION};
-use crate::gains::GAINS;
-use arso_core::{Position, Request, State};
-
-const _: () = assert!(
-    excitation::SAMPLE_TIME == GAINS.sample_time,
-    "excitation and gains are made for different control periods"
-);
+use arso_core::{Mode, Position, Request};
 
 /// Control periods for which a switch must stand still before it counts.
 const DEBOUNCE: u8 = 10;
@@ -75,8 +68,8 @@ enum Asked {
 }
 
 impl Switches {
-    /// Takes the levels of one period and the drive's state; gives what is to be asked of it.
-    pub(crate) fn sample(&mut self, levels: Levels, state: State) -> [Option<Request>; 2] {
+    /// Takes the levels of one period and the drive's mode; gives what is to be asked of it.
+    pub(crate) fn sample(&mut self, levels: Levels, mode: Mode) -> [Option<Request>; 2] {
         let switched = self.run.sample(levels.run);
         let retargeted = self.target.sample(levels.target);
         self.excite.sample(levels.excite);
@@ -91,16 +84,16 @@ impl Switches {
         if retargeted && self.asked == Asked::Start {
             return [Some(self.target()), None];
         }
-        match (state, self.asked) {
-            (State::Idle | State::Ready, Asked::Nothing) if self.excite.settled == Some(true) => {
+        match (mode, self.asked) {
+            (Mode::Idle | Mode::Ready, Asked::Nothing) if self.excite.settled == Some(true) => {
                 self.asked = Asked::Excite;
-                [Some(Request::Excite(EXCITATION)), None]
+                [Some(Request::Excite), None]
             }
-            (State::Idle, Asked::Nothing) => {
+            (Mode::Idle, Asked::Nothing) => {
                 self.asked = Asked::Commission;
                 [Some(Request::Commission), None]
             }
-            (State::Ready, Asked::Nothing | Asked::Commission) => {
+            (Mode::Ready, Asked::Nothing | Asked::Commission) => {
                 self.asked = Asked::Start;
                 [Some(Request::Start), Some(self.target())]
             }

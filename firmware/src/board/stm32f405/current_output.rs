@@ -3,7 +3,7 @@
 //! The amplifier takes 0 to 3.3 V, half of it for zero current. Twelve bits and 1 mA per step
 //! reach ±2.047 A.
 
-use crate::gains::GAINS;
+use arso_firmware::board::CurrentOutput;
 use arso_core::{Command, Current};
 use embedded_hal::digital::OutputPin;
 use stm32f4xx_hal::dac::{C1, DacExt, DacOut, DacPin};
@@ -11,23 +11,10 @@ use stm32f4xx_hal::gpio::{Output, gpioa, gpiob};
 use stm32f4xx_hal::pac::DAC;
 use stm32f4xx_hal::rcc::Rcc;
 
-/// Something that makes the commanded current flow.
-pub(crate) trait CurrentOutput {
-    /// Applies a command for the next period; returns the current that will flow.
-    fn apply(&mut self, command: &Command) -> Current;
-}
-
 /// What one step of the converter means to the amplifier, A.
-const AMPERES_PER_CODE: f32 = 1e-3;
-
-const _: () = assert!(
-    GAINS.limits.current_resolution == AMPERES_PER_CODE,
-    "current_resolution of the drive must be the step of this output"
-);
-const _: () = assert!(
-    GAINS.limits.current_limit <= 2047.0 * AMPERES_PER_CODE,
-    "current_limit is beyond this output"
-);
+pub(super) const AMPERES_PER_CODE: f32 = 1e-3;
+/// What twelve bits reach, A.
+pub(super) const LARGEST_CURRENT: f32 = 2047.0 * AMPERES_PER_CODE;
 
 /// Twelve-bit code of the converter.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -1,5 +1,6 @@
 //! The cycle counter of the processor (DWT), which times the control step.
 
+use arso_firmware::board::CycleCounter;
 use cortex_m::peripheral::{DCB, DWT};
 
 /// The running counter; wraps every 25 s.
@@ -11,15 +12,10 @@ impl Cycles {
         dwt.enable_cycle_counter();
         Self(())
     }
+}
 
-    /// Cycles now.
-    #[expect(clippy::unused_self, reason = "shows that the counter runs")]
-    pub(crate) fn now(&self) -> u32 {
+impl CycleCounter for Cycles {
+    fn now(&self) -> u32 {
         DWT::cycle_count()
-    }
-
-    /// Cycles since an earlier moment.
-    pub(crate) fn since(&self, start: u32) -> u32 {
-        self.now().wrapping_sub(start)
     }
 }

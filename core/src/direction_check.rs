@@ -1,4 +1,4 @@
-//! Commissioning: a small motion that proves the signs before the loop is ever closed.
+//! Direction check: a small motion that proves the signs before the loop is ever closed.
 //!
 //! With swapped encoder phases or motor leads the feedback drives the load away from its target
 //! instead of towards it. So no loop is closed until the drive has seen that a positive current
@@ -11,14 +11,14 @@
 //!         no observer can upset, until the actuator stands
 //! ```
 //!
-//! At most [`COUNTS`] counts are travelled with an unproven sign.
+//! At most `COUNTS` counts are travelled with an unproven sign.
 
+use crate::fault::Fault;
 use crate::limits::Limits;
-use crate::supervisor::Fault;
 use crate::units::{Current, Position};
 
 /// Counts that prove a direction.
-pub const COUNTS: f32 = 50.0;
+const COUNTS: f32 = 50.0;
 /// Counts within which the encoder stands still.
 const REST_COUNTS: f32 = 2.5;
 /// How long it must stand still, s.
@@ -42,9 +42,9 @@ pub enum Action {
     Done,
 }
 
-/// Configuration.
+/// Coefficients.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Commissioning {
+pub struct DirectionCheck {
     sample_time: f32,
     resolution: f32,
     largest_current: f32,
@@ -60,7 +60,7 @@ enum Phase {
 
 /// How far it has come.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct State {
+pub struct Memory {
     phase: Phase,
     /// Periods in this phase, and for how many the encoder has stood still.
     periods: u32,
@@ -71,7 +71,7 @@ pub struct State {
     anchor: f32,
 }
 
-impl Commissioning {
+impl DirectionCheck {
     /// * `resolution`: m per count
     /// * `sample_time`: s
     #[must_use]
@@ -93,33 +93,33 @@ impl Commissioning {
     ///
     /// # Errors
     /// The fault that stops the drive: no rest, no motion, or motion in the wrong direction.
-    pub fn step(&self, state: &mut State, position: Position) -> Result<Action, Fault> {
-        let origin = *state.origin.get_or_insert(position.0);
+    pub fn step(&self, memory: &mut Memory, position: Position) -> Result<Action, Fault> {
+        let origin = *memory.origin.get_or_insert(position.0);
         let moved = (position.0 - origin) / self.resolution;
-        let time = state.periods as f32 * self.sample_time;
-        state.periods = state.periods.saturating_add(1);
-        let band = if state.phase == Phase::Rest {
+        let time = memory.periods as f32 * self.sample_time;
+        memory.periods = memory.periods.saturating_add(1);
+        let band = if memory.phase == Phase::Rest {
             REST_COUNTS
         } else {
             COUNTS
         };
-        if (position.0 - state.anchor).abs() <= band * self.resolution {
-            state.still = state.still.saturating_add(1);
+        if (position.0 - memory.anchor).abs() <= band * self.resolution {
+            memory.still = memory.still.saturating_add(1);
         } else {
-            state.still = 0;
-            state.anchor = position.0;
+            memory.still = 0;
+            memory.anchor = position.0;
         }
-        let rested = state.still as f32 * self.sample_time >= REST_TIME;
-        let next = |phase, origin| State {
+        let rested = memory.still as f32 * self.sample_time >= REST_TIME;
+        let next = |phase, origin| Memory {
             phase,
             origin: Some(origin),
             anchor: position.0,
-            ..State::default()
+            ..Memory::default()
         };
 
-        match state.phase {
+        match memory.phase {
             Phase::Rest if rested => {
-                *state = next(Phase::Ramp, position.0);
+                *memory = next(Phase::Ramp, position.0);
                 Ok(Action::Push(Current(0.0)))
             }
             Phase::Rest => {
@@ -130,7 +130,7 @@ impl Commissioning {
                 }
             }
             Phase::Ramp if moved >= COUNTS => {
-                *state = next(Phase::Brake, origin);
+                *memory = next(Phase::Brake, origin);
                 Ok(Action::Brake(Position(origin)))
             }
             Phase::Ramp if moved <= -COUNTS => Err(Fault::Direction),
@@ -152,20 +152,20 @@ mod tests {
     const T: f32 = 1e-3;
     const RESOLUTION: f32 = 1e-6;
 
-    fn commissioning() -> Commissioning {
+    fn check() -> DirectionCheck {
         let limits = Limits {
             current_limit: 2.0,
             current_resolution: 1e-3,
         };
-        Commissioning::new(&limits, RESOLUTION, T)
+        DirectionCheck::new(&limits, RESOLUTION, T)
     }
 
     /// A rigid actuator of 0.1 kg and `gain` N/A under the pushed current; brought back by hand.
     fn run(gain: f32) -> (Result<Action, Fault>, f32) {
-        let (mut state, commissioning) = (State::default(), commissioning());
+        let (mut memory, check) = (Memory::default(), check());
         let (mut position, mut velocity, mut farthest) = (0.3_f32, 0.0_f32, 0.0_f32);
         for _ in 0..10_000 {
-            match commissioning.step(&mut state, Position(position)) {
+            match check.step(&mut memory, Position(position)) {
                 Ok(Action::Push(current)) => velocity += gain * current.0 / 0.1 * T,
                 Ok(Action::Brake(origin)) => {
                     assert!((origin.0 - 0.3).abs() < 1e-6);
@@ -200,12 +200,12 @@ mod tests {
 
     #[test]
     fn a_moving_machine_is_not_pushed() {
-        let (mut state, commissioning) = (State::default(), commissioning());
+        let (mut memory, check) = (Memory::default(), check());
         let mut k = 0;
         let end = loop {
             let position = Position(k as f32 * 3.0 * RESOLUTION);
             k += 1;
-            match commissioning.step(&mut state, position) {
+            match check.step(&mut memory, position) {
                 Ok(action) => assert_eq!(action, Action::Wait),
                 Err(fault) => break fault,
             }

@@ -1,21 +1,11 @@
 //! Switches of the board, as levels.
 
+use arso_firmware::board::{Inputs, Levels};
 use embedded_hal::digital::InputPin;
 use stm32f4xx_hal::gpio::{Input, gpioc};
 
-/// Levels of the switches.
-#[derive(Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct Levels {
-    /// The drive is to run.
-    pub(crate) run: bool,
-    /// A run plays the excitation instead of closing the loop.
-    pub(crate) excite: bool,
-    /// Which target, 0 to 3.
-    pub(crate) target: u8,
-}
-
 /// Run switch, excite switch and both bits of the target switches.
-pub(crate) struct Inputs<
+pub(crate) struct Switches<
     Run = gpioc::PC2<Input>,
     Excite = gpioc::PC3<Input>,
     Low = gpioc::PC0<Input>,
@@ -28,7 +18,7 @@ pub(crate) struct Inputs<
 }
 
 impl<Run: InputPin, Excite: InputPin, Low: InputPin, High: InputPin>
-    Inputs<Run, Excite, Low, High>
+    Switches<Run, Excite, Low, High>
 {
     pub(super) fn new(run: Run, excite: Excite, low: Low, high: High) -> Self {
         Self {
@@ -38,9 +28,12 @@ impl<Run: InputPin, Excite: InputPin, Low: InputPin, High: InputPin>
             high,
         }
     }
+}
 
-    /// Levels now; an input that cannot be read counts as off.
-    pub(crate) fn read(&mut self) -> Levels {
+impl<Run: InputPin, Excite: InputPin, Low: InputPin, High: InputPin> Inputs
+    for Switches<Run, Excite, Low, High>
+{
+    fn read(&mut self) -> Levels {
         let low = self.low.is_high().unwrap_or(false);
         let high = self.high.is_high().unwrap_or(false);
         Levels {

@@ -4,14 +4,15 @@
 //! level must stand for 8 cycles of the 84 MHz timer clock (95 ns) to count, which removes glitches
 //! and passes 10 million counts per second.
 
-use crate::gains::GAINS;
 use arso_core::Counts;
+use arso_firmware::board;
 use stm32f4xx_hal::gpio::{PushPull, gpioc};
 use stm32f4xx_hal::pac::TIM3;
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 use stm32f4xx_hal::timer::CPin;
 
-const _: () = assert!(GAINS.encoder.counter_bits == 16, "TIM3 counts 16 bits");
+/// What TIM3 counts.
+pub(super) const COUNTER_BITS: u32 = 16;
 
 /// IC1F, IC2F: eight samples at the timer clock must agree (reference manual RM0090, 18.4.7).
 const FILTER: u8 = 0b0011;
@@ -20,12 +21,12 @@ type PhaseA = <TIM3 as CPin<0>>::Ch<PushPull>;
 type PhaseB = <TIM3 as CPin<1>>::Ch<PushPull>;
 
 /// The counting timer.
-pub(crate) struct Encoder {
+pub(crate) struct QuadratureEncoder {
     timer: TIM3,
     _phases: (PhaseA, PhaseB),
 }
 
-impl Encoder {
+impl QuadratureEncoder {
     pub(super) fn new(timer: TIM3, a: gpioc::PC6, b: gpioc::PC7, rcc: &mut Rcc) -> Self {
         TIM3::enable(rcc);
         TIM3::reset(rcc);
@@ -43,9 +44,10 @@ impl Encoder {
             _phases: (a.into(), b.into()),
         }
     }
+}
 
-    /// The counter.
-    pub(crate) fn count(&self) -> Counts {
+impl board::Encoder for QuadratureEncoder {
+    fn count(&mut self) -> Counts {
         Counts(self.timer.cnt().read().cnt().bits().into())
     }
 }

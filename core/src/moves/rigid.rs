@@ -1,4 +1,4 @@
-//! References: where every mass ought to be, and the current that takes it there.
+//! Rigid moves: every mass follows the same motion, as if the chain were one body.
 //!
 //! * A *step* moves the reference at once, as in the paper's experiments.
 //! * A *move* is a symmetric jerk-limited profile (seven phases at most): jerk, constant
@@ -11,13 +11,16 @@
 //! peak velocity v = j T_j (T_j + T_a)        distance = v (2 T_j + T_a + T_v)
 //! ```
 //!
-//! All masses follow the same rigid motion; the feed-forward current is what accelerates their
-//! sum, `i_ff = M (v_{k+1} − v_k) / (T k_f)`: held over the period it gives the next velocity exactly.
+//! The feed-forward current is what accelerates the sum of the masses,
+//! `i_ff = M (v_{k+1} − v_k) / (T k_f)`: held over the period it gives the next velocity exactly.
 
+use super::Reference;
+use crate::check::{SettingsError, positive};
 use crate::units::{Current, Position, Velocity};
+use serde::{Deserialize, Serialize};
 
 /// Limits of a jerk-limited move; read `rad` for `m` on a rotary drive.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionLimits {
     /// m/s
     pub velocity: f32,
@@ -29,32 +32,30 @@ pub struct MotionLimits {
     pub total_mass: f32,
 }
 
+impl MotionLimits {
+    pub(crate) fn check(&self) -> Result<(), SettingsError> {
+        positive("motion.velocity", self.velocity)?;
+        positive("motion.acceleration", self.acceleration)?;
+        positive("motion.jerk", self.jerk)?;
+        positive("motion.total_mass", self.total_mass)
+    }
+}
+
 /// The longest half of a move, in periods: up to here `f32` counts them exactly.
 const LONGEST: f32 = 8_388_608.0;
 
-/// Where the reference is in one period.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Setpoint {
-    /// Position of every mass, m.
-    pub position: Position,
-    /// Velocity of every mass, m/s.
-    pub velocity: Velocity,
-    /// Feed-forward current `i_ff`, A.
-    pub feed_forward: Current,
-}
-
-/// Configuration of the reference generator.
+/// Coefficients of the generator of rigid references.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Generator {
+pub struct RigidMoves {
     limits: MotionLimits,
     sample_time: f32,
     /// `M / (T k_f)`, A s/m.
     current_per_velocity: f32,
 }
 
-/// What the generator is following.
+/// The move under way.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct State {
+pub struct Memory {
     origin: f32,
     profile: Option<Profile>,
     tick: u32,
@@ -71,7 +72,7 @@ struct Profile {
     velocity_ticks: u32,
 }
 
-impl Generator {
+impl RigidMoves {
     /// * `limits`: of the moves
     /// * `force_constant`: `k_f`, N/A
     /// * `sample_time`: s
@@ -85,55 +86,52 @@ impl Generator {
     }
 
     /// Puts the reference at a position, at once.
-    pub fn step_to(&self, state: &mut State, position: Position) {
-        *state = State {
+    pub fn step_to(&self, memory: &mut Memory, position: Position) {
+        *memory = Memory {
             origin: position.0,
-            ..State::default()
+            ..Memory::default()
         };
     }
 
     /// Plans a move from the resting reference to a position; `false` when the move would not
     /// be finite or would take longer than can be counted.
-    pub fn move_to(&self, state: &mut State, position: Position) -> bool {
-        let distance = position.0 - state.origin;
+    pub fn move_to(&self, memory: &mut Memory, position: Position) -> bool {
+        let distance = position.0 - memory.origin;
         if distance == 0.0 {
             return true;
         }
         let profile = self.plan(distance);
         if profile.is_some() {
-            state.profile = profile;
-            state.tick = 0;
+            memory.profile = profile;
+            memory.tick = 0;
         }
         profile.is_some()
     }
 
     /// Whether a move is under way.
     #[must_use]
-    pub fn moving(&self, state: &State) -> bool {
-        state.profile.is_some()
+    pub fn moving(&self, memory: &Memory) -> bool {
+        memory.profile.is_some()
     }
 
-    /// The set-point of this period; the next call gives that of the next.
-    pub fn step(&self, state: &mut State) -> Setpoint {
-        let Some(profile) = state.profile else {
-            return Setpoint {
-                position: Position(state.origin),
-                ..Setpoint::default()
-            };
+    /// The reference of this period; the next call gives that of the next.
+    pub fn step<const N: usize>(&self, memory: &mut Memory) -> Reference<N> {
+        let Some(profile) = memory.profile else {
+            return Reference::rigid(Position(memory.origin), Velocity(0.0), Current(0.0));
         };
-        let (position, velocity) = profile.at(state.tick, self.sample_time);
-        let (_, next) = profile.at(state.tick + 1, self.sample_time);
-        let setpoint = Setpoint {
-            position: Position(state.origin + position),
-            velocity: Velocity(velocity),
-            feed_forward: Current((next - velocity) * self.current_per_velocity),
-        };
-        state.tick += 1;
-        if state.tick >= profile.ticks() {
-            state.origin += profile.distance;
-            state.profile = None;
+        let (position, velocity) = profile.at(memory.tick, self.sample_time);
+        let (_, next) = profile.at(memory.tick + 1, self.sample_time);
+        let reference = Reference::rigid(
+            Position(memory.origin + position),
+            Velocity(velocity),
+            Current((next - velocity) * self.current_per_velocity),
+        );
+        memory.tick += 1;
+        if memory.tick >= profile.ticks() {
+            memory.origin += profile.distance;
+            memory.profile = None;
         }
-        setpoint
+        reference
     }
 
     fn plan(&self, distance: f32) -> Option<Profile> {
@@ -233,15 +231,15 @@ mod tests {
         total_mass: 0.116,
     };
 
-    fn positions(limits: MotionLimits, distance: f32) -> Vec<Setpoint> {
-        let generator = Generator::new(limits, 6.43, T);
-        let mut state = State::default();
-        assert!(generator.move_to(&mut state, Position(distance)));
+    fn positions(limits: MotionLimits, distance: f32) -> Vec<Reference<1>> {
+        let moves = RigidMoves::new(limits, 6.43, T);
+        let mut memory = Memory::default();
+        assert!(moves.move_to(&mut memory, Position(distance)));
         let mut path = Vec::new();
-        while generator.moving(&state) {
-            path.push(generator.step(&mut state));
+        while moves.moving(&memory) {
+            path.push(moves.step(&mut memory));
         }
-        path.push(generator.step(&mut state));
+        path.push(moves.step(&mut memory));
         path
     }
 
@@ -261,13 +259,13 @@ mod tests {
     fn feed_forward_moves_a_rigid_drive_along_the_reference() {
         let path = positions(LIMITS, 0.03);
         let (mut x, mut v) = (0.0_f64, 0.0_f64);
-        for setpoint in &path {
+        for reference in &path {
             // Between samples the acceleration is held: position lags by up to j T² T_j / 12.
             assert!(
-                (x - f64::from(setpoint.position.0)).abs() < 1000.0 * 1e-6 * 0.02 / 12.0 + 2e-7
+                (x - f64::from(reference.position.0)).abs() < 1000.0 * 1e-6 * 0.02 / 12.0 + 2e-7
             );
-            assert!((v - f64::from(setpoint.velocity.0)).abs() < 1e-6);
-            let a = f64::from(setpoint.feed_forward.0) * 6.43 / 0.116;
+            assert!((v - f64::from(reference.velocity.0)).abs() < 1e-6);
+            let a = f64::from(reference.feed_forward.0) * 6.43 / 0.116;
             x += v * 1e-3 + 0.5 * a * 1e-6;
             v += a * 1e-3;
         }
@@ -276,18 +274,18 @@ mod tests {
 
     #[test]
     fn a_step_is_immediate_and_cancels_a_move() {
-        let generator = Generator::new(LIMITS, 6.43, T);
-        let mut state = State::default();
-        assert!(generator.move_to(&mut state, Position(0.03)));
-        generator.step(&mut state);
-        generator.step_to(&mut state, Position(-0.5));
-        assert!(!generator.moving(&state));
-        let setpoint = generator.step(&mut state);
+        let moves = RigidMoves::new(LIMITS, 6.43, T);
+        let mut memory = Memory::default();
+        assert!(moves.move_to(&mut memory, Position(0.03)));
+        let _: Reference<1> = moves.step(&mut memory);
+        moves.step_to(&mut memory, Position(-0.5));
+        assert!(!moves.moving(&memory));
+        let reference: Reference<1> = moves.step(&mut memory);
         assert_eq!(
             (
-                setpoint.position.0,
-                setpoint.velocity.0,
-                setpoint.feed_forward.0
+                reference.position.0,
+                reference.velocity.0,
+                reference.feed_forward.0
             ),
             (-0.5, 0.0, 0.0)
         );
@@ -295,14 +293,14 @@ mod tests {
 
     #[test]
     fn a_move_that_cannot_be_counted_is_refused() {
-        let generator = Generator::new(LIMITS, 6.43, T);
+        let moves = RigidMoves::new(LIMITS, 6.43, T);
         for distance in [f32::NAN, f32::INFINITY, 1e30, -1e9] {
-            let mut state = State::default();
+            let mut memory = Memory::default();
             assert!(
-                !generator.move_to(&mut state, Position(distance)),
+                !moves.move_to(&mut memory, Position(distance)),
                 "{distance}"
             );
-            assert_eq!(generator.step(&mut state), Setpoint::default());
+            assert_eq!(moves.step::<1>(&mut memory), Reference::default());
         }
     }
 
@@ -319,8 +317,8 @@ mod tests {
             let length = 10_f32.powf(exponent);
             let distance = if negative { -length } else { length };
             let limits = MotionLimits { velocity, acceleration, jerk, total_mass: 1.0 };
-            let generator = Generator::new(limits, 1.0, T);
-            let profile = generator.plan(distance).unwrap();
+            let moves = RigidMoves::new(limits, 1.0, T);
+            let profile = moves.plan(distance).unwrap();
             // 1e-3 of a period is what `ticks` calls rounding; T_j is one period at least.
             let slack = 1.004;
             let (t_j, t_a) = (profile.jerk_ticks as f32 * T, profile.acceleration_ticks as f32 * T);

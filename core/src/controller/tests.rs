@@ -1,0 +1,495 @@
+//! The corridor in all its modes.
+
+use super::*;
+use crate::actuator::Actuator;
+use crate::moves::rigid::MotionLimits;
+use crate::observer::{Anchored, LinearObserver};
+use crate::regulator::MassGain;
+use crate::units::Position;
+use proptest::prelude::*;
+
+type Drive = Controller<1, Anchored<1, 5>>;
+
+/// One load that follows the actuator rigidly, no correction: PD control on the encoder.
+fn settings() -> Settings<1, Anchored<1, 5>> {
+    Settings {
+        sample_time: 1e-3,
+        encoder: Encoder {
+            resolution: 1e-6,
+            counter_bits: 16,
+        },
+        actuator: Actuator {
+            mass: 0.059,
+            force_constant: 6.43,
+            mass_deviation: 0.0,
+            force_constant_deviation: 0.0,
+        },
+        disturbance_cutoff: 628.0,
+        reaction_force_cutoff: 628.0,
+        observer: Anchored::new(LinearObserver::new(
+            [[0.0; 5]; 5],
+            [0.0, 1.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0, 0.0],
+            [0.0; 5],
+        )),
+        regulator: Regulator {
+            actuator: MassGain {
+                position: 30.0,
+                velocity: 1.0,
+            },
+            loads: [MassGain {
+                position: 0.0,
+                velocity: 0.0,
+            }],
+        },
+        limits: Limits {
+            current_limit: 2.0,
+            current_resolution: 1e-3,
+        },
+        motion: MotionLimits {
+            velocity: 0.5,
+            acceleration: 20.0,
+            jerk: 1000.0,
+            total_mass: 0.116,
+        },
+    }
+}
+
+/// A drive that has something to play.
+fn new() -> Drive {
+    Controller::new(&settings())
+        .unwrap()
+        .with_excitation(EXCITATION)
+}
+
+fn measured(count: u32, current: f32) -> Measurement {
+    Measurement {
+        count: Counts(count),
+        current: Current(current),
+    }
+}
+
+/// Proves the signs on a rigid actuator that follows the current.
+fn commission(controller: &mut Drive) {
+    controller.request(Request::Commission).unwrap();
+    let mut position = controller.telemetry().position;
+    let (mut velocity, mut current) = (0.0_f32, 0.0_f32);
+    for _ in 0..2000 {
+        let count = (position / 1e-6) as i32 as u32;
+        current = controller.step(measured(count, current)).current.0;
+        velocity += 6.43 * current / 0.116 * 1e-3;
+        position += velocity * 1e-3;
+    }
+    assert_eq!(controller.mode(), Mode::Ready);
+}
+
+fn running() -> Drive {
+    let mut controller = new();
+    commission(&mut controller);
+    controller.request(Request::Start).unwrap();
+    controller
+}
+
+#[test]
+fn an_idle_drive_gives_no_current_and_follows_the_encoder() {
+    let mut controller = new();
+    controller
+        .request(Request::Step(Position(0.03)))
+        .unwrap_err();
+    assert_eq!(controller.step(measured(100, 0.0)), Command::default());
+    assert_eq!(controller.step(measured(350, 0.0)), Command::default());
+    assert!((controller.telemetry().position - 350e-6).abs() < 1e-9);
+}
+
+#[test]
+fn no_loop_is_closed_before_the_signs_are_proven() {
+    let mut controller = new();
+    controller.request(Request::Start).unwrap_err();
+    assert_eq!(controller.step(measured(0, 0.0)), Command::default());
+    assert_eq!(controller.mode(), Mode::Idle);
+}
+
+/// The encoder runs backwards: the drive stops while it has moved by a few counts only.
+#[test]
+fn a_wrong_sign_is_a_fault() {
+    let mut controller = new();
+    controller.request(Request::Commission).unwrap();
+    let (mut position, mut velocity, mut current) = (0.0_f32, 0.0_f32, 0.0_f32);
+    for _ in 0..500 {
+        let count = (-position / 1e-6) as i32 as u32;
+        current = controller.step(measured(count, current)).current.0;
+        velocity += 6.43 * current / 0.116 * 1e-3;
+        position += velocity * 1e-3;
+        if controller.mode() == Mode::Fault(Fault::Direction) {
+            break;
+        }
+    }
+    assert_eq!(controller.mode(), Mode::Fault(Fault::Direction));
+    assert_eq!(current, 0.0);
+    assert!(position < 100e-6);
+}
+
+#[test]
+fn starting_holds_the_position_and_a_step_commands_the_gain() {
+    let mut controller = running();
+    let command = controller.step(measured(0xFFFF, 0.0));
+    assert_eq!((command.current.0, command.enable), (0.0, true));
+    controller.request(Request::Step(Position(0.02))).unwrap();
+    let command = controller.step(measured(0xFFFF, 0.0));
+    assert!((command.current.0 - 0.6).abs() < 1e-6);
+    controller.request(Request::Step(Position(1.0))).unwrap();
+    let command = controller.step(measured(0xFFFF, 0.6));
+    assert_eq!((command.current.0, command.limited), (2.0, true));
+}
+
+#[test]
+fn faults_stop_in_the_same_period_and_stay() {
+    for (count, current, fault) in [
+        (30_000, 0.0, Fault::EncoderJump),
+        (0, f32::NAN, Fault::NonFinite),
+        (0, f32::INFINITY, Fault::NonFinite),
+        (0, 2.5, Fault::AppliedCurrent),
+    ] {
+        let mut controller = running();
+        controller.step(measured(0, 0.0));
+        assert_eq!(
+            controller.step(measured(count, current)),
+            Command::default()
+        );
+        assert_eq!(controller.mode(), Mode::Fault(fault));
+        controller.request(Request::Start).unwrap_err();
+        controller
+            .request(Request::Step(Position(0.01)))
+            .unwrap_err();
+        assert_eq!(controller.step(measured(count, 0.0)), Command::default());
+        controller.request(Request::Stop).unwrap();
+        controller.request(Request::Start).unwrap_err();
+        assert!(!controller.step(measured(count, 0.0)).enable);
+        commission(&mut controller);
+    }
+}
+
+#[test]
+fn targets_that_are_not_finite_are_faults() {
+    for request in [
+        Request::Step(Position(f32::NAN)),
+        Request::Move(Position(f32::NAN)),
+        Request::Move(Position(f32::INFINITY)),
+    ] {
+        let mut controller = running();
+        controller.request(request).unwrap();
+        assert_eq!(controller.step(measured(0, 0.0)), Command::default());
+        assert_eq!(controller.mode(), Mode::Fault(Fault::Target));
+    }
+}
+
+#[test]
+fn a_move_waits_for_the_one_under_way() {
+    let mut controller = running();
+    controller.request(Request::Move(Position(0.01))).unwrap();
+    controller.step(measured(0, 0.0));
+    controller.request(Request::Move(Position(-0.01))).unwrap();
+    let mut highest = 0.0_f32;
+    for _ in 0..400 {
+        // The simulated actuator follows its reference.
+        let reference = controller.telemetry().reference;
+        let count = (reference * 1e6) as i32;
+        controller.step(measured(count as u32 & 0xFFFF, 0.0));
+        highest = highest.max(reference);
+    }
+    assert_eq!(highest, 0.01);
+    assert_eq!(controller.telemetry().reference, -0.01);
+}
+
+const EXCITATION: Excitation = Excitation {
+    // The last is beyond the limit of 2 A.
+    profile: &[100, -350, 9000],
+    unit: 1e-3,
+    repetitions: 3,
+    travel: 1e-3,
+};
+
+fn exciting(excitation: Excitation) -> Drive {
+    let mut controller = new().with_excitation(excitation);
+    controller.step(measured(500, 0.0));
+    controller.request(Request::Excite).unwrap();
+    controller
+}
+
+/// Waits at rest until the first current flows, or nothing ever will; that period's command.
+fn begun(controller: &mut Drive, count: u32) -> Command {
+    for waited in 0..100 {
+        let command = controller.step(measured(count, 0.0));
+        if command.enable || controller.mode() != Mode::Exciting {
+            assert!(waited >= 50, "{waited}");
+            return command;
+        }
+        assert_eq!(command, Command::default());
+    }
+    panic!("it does not begin");
+}
+
+/// Every current of every repetition through the limiter, then nothing, with unproven signs;
+/// the same from a drive that was ready, and once more.
+#[test]
+fn an_excitation_is_its_profile_through_the_limiter() {
+    let mut ready = new();
+    commission(&mut ready);
+    ready.request(Request::Excite).unwrap();
+    for mut controller in [exciting(EXCITATION), ready] {
+        let Telemetry {
+            count, position, ..
+        } = *controller.telemetry();
+        for again in 0..2 {
+            let mut applied = 0.0;
+            for k in 0..9_u32 {
+                let (current, limited) =
+                    [(0.1, false), (-0.35, false), (2.0, true)][k as usize % 3];
+                let moved = 60 * k;
+                let command = match k {
+                    0 => begun(&mut controller, count),
+                    _ => controller.step(measured(count.wrapping_add(moved), applied)),
+                };
+                assert!((command.current.0 - current).abs() < 1e-6, "step {k}");
+                assert_eq!((command.enable, command.limited), (true, limited));
+                let record = *controller.telemetry();
+                assert_eq!(record.mode, Mode::Exciting);
+                assert_eq!(record.count, count.wrapping_add(moved));
+                assert!((record.position - position - moved as f32 * 1e-6).abs() < 1e-9);
+                assert_eq!(record.applied_current, applied);
+                assert_eq!(
+                    (record.command, record.limited),
+                    (command.current.0, limited)
+                );
+                applied = command.current.0;
+            }
+            assert_eq!(
+                controller.step(measured(count, applied)),
+                Command::default()
+            );
+            let record = *controller.telemetry();
+            assert_eq!((record.mode, record.applied_current), (Mode::Idle, 2.0));
+            controller.request(Request::Start).unwrap_err();
+            assert!(!controller.step(measured(count, 0.0)).enable);
+            assert_eq!(controller.mode(), Mode::Idle);
+            if again == 0 {
+                controller.request(Request::Excite).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn an_excitation_that_goes_wrong_is_a_fault() {
+    for (count, current, fault) in [
+        (500 + 1001, 0.0, Fault::Travel),
+        (0xFFFF & (500 - 1001_i32) as u32, 0.0, Fault::Travel),
+        (30_000, 0.0, Fault::EncoderJump),
+        (500, f32::NAN, Fault::NonFinite),
+        (500, -2.1, Fault::AppliedCurrent),
+    ] {
+        let mut controller = exciting(EXCITATION);
+        assert!(begun(&mut controller, 500).enable);
+        assert!(controller.step(measured(500 + 999, 0.1)).enable);
+        let command = controller.step(measured(count, current));
+        assert_eq!(command, Command::default());
+        assert_eq!(controller.mode(), Mode::Fault(fault));
+        // It stays, and is left as any fault.
+        controller.request(Request::Excite).unwrap_err();
+        assert!(!controller.step(measured(count, 0.0)).enable);
+        controller.request(Request::Stop).unwrap();
+        controller.request(Request::Excite).unwrap();
+        assert!(begun(&mut controller, count).enable);
+    }
+    assert_eq!(Fault::Travel.number(), 8);
+    for (unit, travel) in [
+        (f32::NAN, 1.0),
+        (f32::INFINITY, 1.0),
+        // A step times this is no number.
+        (f32::MAX, 1.0),
+        (1e-3, f32::NAN),
+        (1e-3, f32::INFINITY),
+    ] {
+        let mut controller = exciting(Excitation {
+            unit,
+            travel,
+            ..EXCITATION
+        });
+        assert_eq!(begun(&mut controller, 500), Command::default());
+        assert_eq!(controller.mode(), Mode::Fault(Fault::NonFinite));
+    }
+    // An encoder that shows nothing, and a machine that is not at rest.
+    let mut controller = exciting(EXCITATION);
+    assert!(begun(&mut controller, 500).enable);
+    assert_eq!(controller.step(measured(500, 0.1)), Command::default());
+    assert_eq!(controller.mode(), Mode::Fault(Fault::NoMotion));
+    let mut controller = exciting(EXCITATION);
+    for k in 0..2100 {
+        let count = 500 + 4 * k;
+        assert_eq!(controller.step(measured(count, 0.0)), Command::default());
+    }
+    assert_eq!(controller.mode(), Mode::Fault(Fault::NotAtRest));
+}
+
+/// What was estimated is not shown when nothing is estimated any more.
+#[test]
+fn estimates_are_those_of_a_running_drive() {
+    let mut controller = running();
+    controller.request(Request::Step(Position(0.01))).unwrap();
+    for k in 0..20 {
+        controller.step(measured(40 * k, 0.1));
+    }
+    let record = *controller.telemetry();
+    assert!(record.velocity != 0.0 && record.reference != 0.0);
+    controller.request(Request::Stop).unwrap();
+    controller.step(measured(800, 0.0));
+    let record = *controller.telemetry();
+    assert_eq!((record.velocity, record.reference), (0.0, 0.0));
+    assert_eq!((record.count, record.load_position), (800, [0.0]));
+    assert!((record.position - 800e-6).abs() < 1e-9);
+}
+
+#[test]
+fn an_excitation_can_be_stopped_and_does_not_interrupt() {
+    let mut controller = exciting(EXCITATION);
+    assert!(begun(&mut controller, 500).enable);
+    controller.request(Request::Commission).unwrap_err();
+    controller.request(Request::Start).unwrap_err();
+    controller
+        .request(Request::Step(Position(0.01)))
+        .unwrap_err();
+    controller.step(measured(600, 0.0));
+    assert_eq!(controller.mode(), Mode::Exciting);
+    controller.request(Request::Stop).unwrap();
+    assert_eq!(controller.step(measured(500, 0.0)), Command::default());
+    assert_eq!(controller.mode(), Mode::Idle);
+
+    let mut controller = running();
+    controller.step(measured(0, 0.0));
+    controller.request(Request::Excite).unwrap_err();
+    controller.step(measured(0, 0.0));
+    assert_eq!(controller.mode(), Mode::Running);
+    let mut controller = new();
+    controller.request(Request::Commission).unwrap();
+    controller.request(Request::Excite).unwrap_err();
+    controller.step(measured(0, 0.0));
+    assert_eq!(controller.mode(), Mode::Commissioning);
+}
+
+#[test]
+fn settings_that_cannot_be_run_are_refused() {
+    let refused = |change: fn(&mut Settings<1, Anchored<1, 5>>)| {
+        let mut settings = settings();
+        change(&mut settings);
+        Controller::new(&settings).err()
+    };
+    assert_eq!(refused(|_| ()), None);
+    assert_eq!(
+        refused(|s| s.sample_time = 0.0),
+        Some(SettingsError::NotPositive("sample_time"))
+    );
+    assert_eq!(
+        refused(|s| s.encoder.counter_bits = 1),
+        Some(SettingsError::CounterBits)
+    );
+    assert_eq!(
+        refused(|s| s.actuator.mass_deviation = -0.06),
+        Some(SettingsError::Deviation)
+    );
+    assert_eq!(
+        refused(|s| {
+            let mut transition = [[0.0; 5]; 5];
+            transition[2][3] = f32::NAN;
+            s.observer = Anchored::new(LinearObserver::new(
+                transition, [0.0; 5], [0.0; 5], [0.0; 5],
+            ));
+        }),
+        Some(SettingsError::NotFinite("observer.transition"))
+    );
+    assert_eq!(
+        refused(|s| s.regulator.loads[0].velocity = f32::INFINITY),
+        Some(SettingsError::NotFinite("regulator"))
+    );
+    assert_eq!(
+        refused(|s| s.limits.current_resolution = -1.0),
+        Some(SettingsError::Negative("limits.current_resolution"))
+    );
+}
+
+/// The settings are one type for wire, file and memory, of any size; a wrong size is refused.
+#[test]
+fn settings_survive_a_wire() {
+    let settings = settings();
+    let bytes = postcard::to_allocvec(&settings).unwrap();
+    assert_eq!(postcard::from_bytes(&bytes), Ok(settings));
+    assert!(postcard::from_bytes::<Settings<2, Anchored<2, 7>>>(&bytes).is_err());
+}
+
+#[test]
+fn a_drive_without_a_profile_refuses_to_excite() {
+    let mut controller = Controller::new(&settings()).unwrap();
+    let refusal = controller.request(Request::Excite).unwrap_err();
+    assert_eq!(
+        (refusal.mode, refusal.reason),
+        (Mode::Idle, Reason::NoExcitation)
+    );
+    assert_eq!(controller.mode(), Mode::Idle);
+}
+
+proptest! {
+    /// Whatever is measured and asked, what is no number included: the command is finite, within
+    /// the limit, and zero unless the drive runs.
+    #[test]
+    fn every_command_is_safe(
+        inputs in prop::collection::vec(
+            (any::<u32>(), prop::num::f32::ANY, 0..25_u8, prop::num::f32::ANY),
+            1..200,
+        ),
+    ) {
+        let mut controller = running();
+        for (count, current, action, position) in inputs {
+            controller.excitation = Some(Excitation {
+                profile: &[i16::MAX, 10, i16::MIN, -200],
+                unit: position,
+                repetitions: 20,
+                travel: current,
+            });
+            let request = match action {
+                0 => Some(Request::Start),
+                1 => Some(Request::Stop),
+                2 => Some(Request::Step(Position(position))),
+                3 => Some(Request::Move(Position(position))),
+                4 => Some(Request::Commission),
+                5 => Some(Request::Excite),
+                6 => {
+                    controller.excitation = Some(EXCITATION);
+                    Some(Request::Excite)
+                }
+                _ => None,
+            };
+            if let Some(request) = request {
+                // Taken, or refused with the mode it was in, which then stands.
+                let mode = controller.mode();
+                if let Err(refusal) = controller.request(request) {
+                    prop_assert_eq!((refusal.mode, controller.mode()), (mode, mode));
+                }
+            }
+            // Plausible measurements mostly, so that the drive keeps running for a while.
+            let measurement = if action > 7 && current.is_finite() {
+                measured(count % 2000, (current % 2.0) * 0.5)
+            } else {
+                measured(count, current)
+            };
+            let command = controller.step(measurement);
+            prop_assert!(command.current.0.abs() <= 2.0);
+            let may_act = matches!(
+                controller.mode(),
+                Mode::Running | Mode::Commissioning | Mode::Exciting
+            );
+            prop_assert!(may_act || !command.enable);
+            prop_assert!(command.enable || command.current.0 == 0.0);
+            let record = controller.telemetry();
+            prop_assert!(record.command.is_finite() && record.applied_current.is_finite());
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! What is asked of the drive, and what it answers. Plain data without a transport.
+
+use crate::fault::Fault;
+use crate::mode::Mode;
+use crate::units::Position;
+use core::fmt;
+use serde::{Deserialize, Serialize};
+
+/// What can be asked of the drive. What is taken takes effect with the next period.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
+pub enum Request {
+    /// Prove the signs of encoder and current by a small motion; idle or ready drives only.
+    Commission,
+    /// Play the excitation that the drive has; idle or ready drives only.
+    Excite,
+    /// Close the loop where the actuator stands; ready drives only.
+    Start,
+    /// Open the loop, end whatever is going on, acknowledge a fault; always taken.
+    Stop,
+    /// Put the reference there at once; running drives only.
+    Step(Position),
+    /// Move the reference there within the limits of motion, after the move under way if there
+    /// is one; running drives only.
+    Move(Position),
+}
+
+/// Why a request was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Refusal {
+    /// What was asked.
+    pub request: Request,
+    /// What the drive is doing.
+    pub mode: Mode,
+    /// What stands in the way.
+    pub reason: Reason,
+}
+
+/// What stands in the way of a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// It is taken in other modes only.
+    Mode,
+    /// The drive has nothing to play.
+    NoExcitation,
+}
+
+impl Mode {
+    /// The mode in which a request leaves the drive.
+    ///
+    /// # Errors
+    /// The refusal, where this mode does not allow it.
+    pub const fn next(self, request: Request) -> Result<Self, Refusal> {
+        match (self, request) {
+            (Self::Idle | Self::Ready, Request::Commission) => Ok(Self::Commissioning),
+            (Self::Idle | Self::Ready, Request::Excite) => Ok(Self::Exciting),
+            (Self::Ready, Request::Start)
+            | (Self::Running, Request::Step(_) | Request::Move(_)) => Ok(Self::Running),
+            (Self::Running | Self::Ready, Request::Stop) => Ok(Self::Ready),
+            (Self::Idle | Self::Commissioning | Self::Exciting | Self::Fault(_), Request::Stop) => {
+                Ok(Self::Idle)
+            }
+            (mode, request) => Err(Refusal {
+                request,
+                mode,
+                reason: Reason::Mode,
+            }),
+        }
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (request, wanted) = match self.request {
+            Request::Commission => ("commission", "an idle or ready"),
+            Request::Excite => ("excite", "an idle or ready"),
+            Request::Start => ("start", "a ready"),
+            Request::Stop => ("stop", "any"),
+            Request::Step(_) => ("step", "a running"),
+            Request::Move(_) => ("move", "a running"),
+        };
+        match self.reason {
+            Reason::Mode => write!(f, "{request} is for {wanted} drive, and this one is "),
+            Reason::NoExcitation => write!(f, "{request}: there is nothing to play, the drive is "),
+        }?;
+        match self.mode {
+            Mode::Idle => f.write_str("idle"),
+            Mode::Commissioning => f.write_str("commissioning"),
+            Mode::Exciting => f.write_str("exciting"),
+            Mode::Ready => f.write_str("ready"),
+            Mode::Running => f.write_str("running"),
+            Mode::Fault(fault) => write_fault(f, fault),
+        }
+    }
+}
+
+fn write_fault(f: &mut fmt::Formatter<'_>, fault: Fault) -> fmt::Result {
+    write!(f, "stopped by fault {} ({})", fault.number(), fault.name())
+}
+
+impl core::error::Error for Refusal {}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use std::string::ToString;
+
+    const MODES: [Mode; 6] = [
+        Mode::Idle,
+        Mode::Commissioning,
+        Mode::Exciting,
+        Mode::Ready,
+        Mode::Running,
+        Mode::Fault(Fault::Travel),
+    ];
+
+    /// What each mode makes of each request; nothing is refused.
+    #[test]
+    fn the_whole_table() {
+        use Mode::{Commissioning, Exciting, Idle, Ready, Running};
+        let step = Request::Step(Position(0.01));
+        let taken = [
+            (
+                Request::Commission,
+                [
+                    Some(Commissioning),
+                    None,
+                    None,
+                    Some(Commissioning),
+                    None,
+                    None,
+                ],
+            ),
+            (
+                Request::Excite,
+                [Some(Exciting), None, None, Some(Exciting), None, None],
+            ),
+            (
+                Request::Start,
+                [None, None, None, Some(Running), None, None],
+            ),
+            (
+                Request::Stop,
+                [
+                    Some(Idle),
+                    Some(Idle),
+                    Some(Idle),
+                    Some(Ready),
+                    Some(Ready),
+                    Some(Idle),
+                ],
+            ),
+            (step, [None, None, None, None, Some(Running), None]),
+            (
+                Request::Move(Position(0.01)),
+                [None, None, None, None, Some(Running), None],
+            ),
+        ];
+        for (request, row) in taken {
+            for (mode, expected) in MODES.into_iter().zip(row) {
+                let refusal = Refusal {
+                    request,
+                    mode,
+                    reason: Reason::Mode,
+                };
+                assert_eq!(
+                    mode.next(request),
+                    expected.ok_or(refusal),
+                    "{mode:?} {request:?}"
+                );
+            }
+        }
+    }
+
+    /// The loop is closed only after the signs have been proven: no way leads from idle or a fault to
+    /// running but through commissioning.
+    #[test]
+    fn no_loop_is_closed_with_unproven_signs() {
+        let requests = [
+            Request::Excite,
+            Request::Start,
+            Request::Stop,
+            Request::Step(Position(0.0)),
+            Request::Move(Position(0.0)),
+        ];
+        let mut reached = std::vec![Mode::Idle, Mode::Fault(Fault::NoMotion)];
+        for _ in 0..MODES.len() {
+            for mode in reached.clone() {
+                let next = requests
+                    .iter()
+                    .filter_map(|request| mode.next(*request).ok());
+                for mode in next.chain([mode.completed()]) {
+                    if !reached.contains(&mode) {
+                        reached.push(mode);
+                    }
+                }
+            }
+        }
+        assert!(!reached.contains(&Mode::Running) && !reached.contains(&Mode::Ready));
+    }
+
+    #[test]
+    fn a_refusal_names_the_mode() {
+        let refused = |mode: Mode, request| mode.next(request).unwrap_err().to_string();
+        assert_eq!(
+            refused(Mode::Idle, Request::Start),
+            "start is for a ready drive, and this one is idle"
+        );
+        assert_eq!(
+            refused(Mode::Fault(Fault::Travel), Request::Step(Position(0.0))),
+            "step is for a running drive, and this one is stopped by fault 8 (Travel)"
+        );
+    }
+
+    /// Requests and refusals are messages.
+    #[test]
+    fn they_survive_a_wire() {
+        let refusal = Mode::Fault(Fault::Direction)
+            .next(Request::Move(Position(0.03)))
+            .unwrap_err();
+        let mut buffer = [0; 32];
+        let bytes = postcard::to_slice(&refusal, &mut buffer).unwrap();
+        assert_eq!(postcard::from_bytes(bytes), Ok(refusal));
+    }
+}

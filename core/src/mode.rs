@@ -1,0 +1,53 @@
+//! What the drive is doing.
+//!
+//! ```text
+//! Idle --Commission--> Commissioning --signs proven--> Ready --Start--> Running --Stop--> Ready
+//! Idle, Ready --Excite--> Exciting --all played, Stop--> Idle
+//! any mode --fault--> Fault --Stop--> Idle
+//! ```
+//!
+//! Current flows in `Commissioning`, `Exciting` and `Running` alone. The loop is never closed before
+//! the signs of encoder and current have been proven since the last reset, excitation or fault.
+//! [`Mode::next`] is the whole of that table; what a mode remembers is the controller's.
+
+use crate::fault::Fault;
+use serde::{Deserialize, Serialize};
+
+/// What the drive is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// No current; the encoder is read. The signs are not proven.
+    #[default]
+    Idle,
+    /// The signs are being proven.
+    Commissioning,
+    /// A current profile is played in open loop.
+    Exciting,
+    /// No current; the loop may be closed.
+    Ready,
+    /// The loop is closed.
+    Running,
+    /// No current, until `Stop` acknowledges the fault.
+    Fault(Fault),
+}
+
+impl Mode {
+    /// Whether current may flow.
+    #[must_use]
+    pub const fn energised(self) -> bool {
+        matches!(self, Self::Commissioning | Self::Exciting | Self::Running)
+    }
+
+    /// The mode that follows when this one has done what it is there for.
+    #[must_use]
+    pub(crate) const fn completed(self) -> Self {
+        match self {
+            Self::Commissioning => Self::Ready,
+            // What it did to the machine is not known: as after a reset.
+            Self::Exciting => Self::Idle,
+            other => other,
+        }
+    }
+}

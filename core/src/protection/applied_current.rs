@@ -1,0 +1,27 @@
+//! Whether the current said to be applied can have been applied by this drive.
+
+use crate::fault::Fault;
+use crate::limits::Limits;
+use crate::units::Current;
+
+/// Largest plausible magnitude, A.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AppliedCurrent {
+    largest: f32,
+}
+
+impl AppliedCurrent {
+    pub(super) fn new(limits: &Limits) -> Self {
+        Self {
+            // A step of the output for its rounding.
+            largest: limits.current_limit + limits.current_resolution,
+        }
+    }
+
+    pub(super) fn step(self, applied: Current) -> Option<Fault> {
+        if !applied.0.is_finite() {
+            return Some(Fault::NonFinite);
+        }
+        (applied.0.abs() > self.largest).then_some(Fault::AppliedCurrent)
+    }
+}

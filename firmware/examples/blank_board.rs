@@ -1,0 +1,92 @@
+//! A board that does nothing: what a second board has to say, and all of it.
+//!
+//! `tests/run` compiles it (it is never flashed), so that nothing of the drive can come to depend on the
+//! board that there is.
+#![no_std]
+#![no_main]
+
+use arso_core::{Command, Counts, Current};
+use arso_firmware::board::{
+    Board, Capabilities, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs,
+    Levels, Watchdog,
+};
+use arso_firmware::drive::{self, Queues};
+use cortex_m_rt::entry;
+
+struct Blank;
+
+impl Board for Blank {
+    const CAPABILITIES: Capabilities = Capabilities {
+        counter_bits: 16,
+        amperes_per_code: 1e-3,
+        largest_current: 10.0,
+        periods: (1, 1_000_000),
+    };
+    type Timer = Self;
+    type Encoder = Self;
+    type Output = Self;
+    type Cycles = Self;
+    type Inputs = Self;
+    type Watchdog = Self;
+
+    fn wait_for_interrupt() {}
+}
+
+impl ControlTimer for Blank {
+    fn acknowledge(&mut self) {}
+}
+
+impl Encoder for Blank {
+    fn count(&mut self) -> Counts {
+        Counts(0)
+    }
+}
+
+impl CurrentOutput for Blank {
+    fn apply(&mut self, _: &Command) -> Current {
+        Current(0.0)
+    }
+}
+
+impl CycleCounter for Blank {
+    fn now(&self) -> u32 {
+        0
+    }
+}
+
+impl Inputs for Blank {
+    fn read(&mut self) -> Levels {
+        Levels::default()
+    }
+}
+
+impl Watchdog for Blank {
+    fn feed(&mut self) {}
+}
+
+#[entry]
+fn main() -> ! {
+    static mut QUEUES: Queues = Queues::new();
+    let hardware = Hardware::<Blank> {
+        timer: Blank,
+        encoder: Blank,
+        output: Blank,
+        cycles: Blank,
+        inputs: Blank,
+        watchdog: Blank,
+    };
+    if let Ok((mut control, mut idle)) = drive::new(hardware, QUEUES) {
+        control.period();
+        idle.run();
+    }
+    loop {
+        cortex_m::asm::nop();
+    }
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    loop {
+        cortex_m::asm::nop();
+    }
+}

@@ -1,0 +1,91 @@
+//! The drive board: STM32F405RG, crystal of 8 MHz.
+//!
+//! | pin | what |
+//! |---|---|
+//! | PC6, PC7 | encoder phases A, B (TIM3) |
+//! | PA4 | current reference to the servo amplifier (DAC channel 1) |
+//! | PB12 | amplifier enable, high: enabled |
+//! | PC2 | run switch |
+//! | PC3 | excite switch |
+//! | PC0, PC1 | target switches, low and high bit |
+//!
+//! One file per peripheral. The only `unsafe` of the firmware is in here, each with its reason.
+#![allow(unsafe_code, reason = "this is where the hardware is touched")]
+
+mod control_timer;
+mod current_output;
+mod cycles;
+mod encoder;
+mod inputs;
+mod rtt;
+mod safe_stop;
+mod watchdog;
+
+pub(crate) use safe_stop::stop;
+
+use arso_firmware::board::{Board, Capabilities, Hardware};
+use stm32f4xx_hal::pac;
+use stm32f4xx_hal::prelude::*;
+use stm32f4xx_hal::rcc::Config;
+
+/// Processor clock; the timers on APB1 run at half of it.
+const CLOCK_HZ: u32 = 168_000_000;
+
+/// This board.
+pub(crate) struct Stm32f405;
+
+impl Board for Stm32f405 {
+    const CAPABILITIES: Capabilities = Capabilities {
+        counter_bits: encoder::COUNTER_BITS,
+        amperes_per_code: current_output::AMPERES_PER_CODE,
+        largest_current: current_output::LARGEST_CURRENT,
+        periods: control_timer::PERIODS_US,
+    };
+    type Timer = control_timer::ControlTimer;
+    type Encoder = encoder::QuadratureEncoder;
+    type Output = current_output::DacOutput;
+    type Cycles = cycles::Cycles;
+    type Inputs = inputs::Switches;
+    type Watchdog = watchdog::ResetWatchdog;
+
+    fn wait_for_interrupt() {
+        cortex_m::asm::wfi();
+    }
+}
+
+/// Sets the board up; the amplifier is disabled throughout. The control interrupt starts when interrupts
+/// are enabled.
+///
+/// * `period_us`: of the control, µs
+pub(crate) fn start(
+    device: pac::Peripherals,
+    core: cortex_m::Peripherals,
+    period_us: u32,
+) -> Hardware<Stm32f405> {
+    rtt::start();
+    let mut rcc = device
+        .RCC
+        .freeze(Config::hse(8.MHz()).sysclk(CLOCK_HZ.Hz()));
+    let port_a = device.GPIOA.split(&mut rcc);
+    let port_b = device.GPIOB.split(&mut rcc);
+    let port_c = device.GPIOC.split(&mut rcc);
+    Hardware {
+        output: current_output::DacOutput::new(
+            device.DAC,
+            port_a.pa4,
+            port_b.pb12.into_push_pull_output(),
+            &mut rcc,
+        ),
+        encoder: encoder::QuadratureEncoder::new(device.TIM3, port_c.pc6, port_c.pc7, &mut rcc),
+        cycles: cycles::Cycles::new(core.DCB, core.DWT),
+        inputs: inputs::Switches::new(
+            port_c.pc2.into_pull_down_input(),
+            port_c.pc3.into_pull_down_input(),
+            port_c.pc0.into_pull_down_input(),
+            port_c.pc1.into_pull_down_input(),
+        ),
+        watchdog: watchdog::ResetWatchdog::new(device.IWDG, &device.DBGMCU, period_us),
+        timer: control_timer::ControlTimer::new(device.TIM2, period_us, &mut rcc),
+    }
+}
+

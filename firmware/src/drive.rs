@@ -1,0 +1,152 @@
+//! The drive on a board: one control period, and everything that may take its time.
+
+use crate::board::{
+    Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs, Watchdog,
+};
+use crate::log::Log;
+use crate::settings::{EXCITATION, GAINS, LOADS, Observer};
+use crate::switches::Switches;
+use arso_core::{Controller, Current, Measurement, Refusal, Request, SettingsError, Telemetry};
+use heapless::spsc::{Consumer, Producer, Queue};
+
+/// Records that wait for the log: 64 ms at 1 kHz.
+const RECORDS: usize = 64;
+/// Requests that wait for the interrupt, which takes one per period, and refusals that wait for the log.
+const REQUESTS: usize = 8;
+
+/// What goes between the control interrupt and the idle loop.
+pub struct Queues {
+    records: Queue<Record, RECORDS>,
+    requests: Queue<Request, REQUESTS>,
+    refusals: Queue<Refusal, REQUESTS>,
+}
+
+type Record = Telemetry<[f32; LOADS]>;
+
+impl Queues {
+    /// Empty ones.
+    #[must_use]
+    #[expect(clippy::new_without_default, reason = "for a static")]
+    pub const fn new() -> Self {
+        Self {
+            records: Queue::new(),
+            requests: Queue::new(),
+            refusals: Queue::new(),
+        }
+    }
+}
+
+/// What the control interrupt owns.
+pub struct Control<B: Board> {
+    timer: B::Timer,
+    encoder: B::Encoder,
+    output: B::Output,
+    cycles: B::Cycles,
+    controller: Controller<LOADS, Observer>,
+    applied: Current,
+    records: Producer<'static, Record>,
+    requests: Consumer<'static, Request>,
+    refusals: Producer<'static, Refusal>,
+}
+
+/// What the idle loop owns.
+pub struct Idle<B: Board> {
+    watchdog: B::Watchdog,
+    inputs: B::Inputs,
+    switches: Switches,
+    log: Log,
+    records: Consumer<'static, Record>,
+    requests: Producer<'static, Request>,
+    refusals: Consumer<'static, Refusal>,
+}
+
+/// The drive on a board.
+///
+/// # Errors
+/// When the settings cannot be run.
+pub fn new<B: Board>(
+    hardware: Hardware<B>,
+    queues: &'static mut Queues,
+) -> Result<(Control<B>, Idle<B>), SettingsError> {
+    const { crate::settings::require_fit(&B::CAPABILITIES) };
+    let controller = Controller::new(&GAINS)?.with_excitation(EXCITATION);
+    let (records_in, records_out) = queues.records.split();
+    let (requests_in, requests_out) = queues.requests.split();
+    let (refusals_in, refusals_out) = queues.refusals.split();
+    defmt::info!(
+        "drive ready: {} loads, period {} s",
+        LOADS,
+        GAINS.sample_time
+    );
+    let control = Control {
+        timer: hardware.timer,
+        encoder: hardware.encoder,
+        output: hardware.output,
+        cycles: hardware.cycles,
+        controller,
+        applied: Current(0.0),
+        records: records_in,
+        requests: requests_out,
+        refusals: refusals_in,
+    };
+    let idle = Idle {
+        watchdog: hardware.watchdog,
+        inputs: hardware.inputs,
+        switches: Switches::default(),
+        log: Log::new(GAINS.sample_time),
+        records: records_out,
+        requests: requests_in,
+        refusals: refusals_out,
+    };
+    Ok((control, idle))
+}
+
+impl<B: Board> Control<B> {
+    /// One control period, called by the interrupt.
+    #[inline]
+    pub fn period(&mut self) {
+        let start = self.cycles.now();
+        self.timer.acknowledge();
+        if let Some(request) = self.requests.dequeue()
+            && let Err(refusal) = self.controller.request(request)
+        {
+            // A full queue loses the refusal: as many others are on their way to the log.
+            let _ = self.refusals.enqueue(refusal);
+        }
+        let measurement = Measurement {
+            count: self.encoder.count(),
+            current: self.applied,
+        };
+        let command = self.controller.step(measurement);
+        self.applied = self.output.apply(&command);
+
+        let mut record = *self.controller.telemetry();
+        record.cycles = self.cycles.now().wrapping_sub(start);
+        // A full queue loses the record; its number is missing in the log, which counts that.
+        let _ = self.records.enqueue(record);
+    }
+}
+
+impl<B: Board> Idle<B> {
+    /// Everything that may take its time, for ever.
+    pub fn run(&mut self) -> ! {
+        loop {
+            let Some(record) = self.records.dequeue() else {
+                // The next control interrupt brings the next record.
+                B::wait_for_interrupt();
+                continue;
+            };
+            self.watchdog.feed();
+            self.log.record(&record);
+            while let Some(refusal) = self.refusals.dequeue() {
+                self.log.refusal(&refusal);
+            }
+            let requests = self.switches.sample(self.inputs.read(), record.mode);
+            for request in requests.into_iter().flatten() {
+                if self.requests.enqueue(request).is_err() {
+                    defmt::warn!("a request was lost: the control interrupt takes none");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Which settings the drive runs with, and whether a board can run them.
+//!
+//! Today they are compiled in: [`GAINS`] is written by `host-sim design --rust`, and the profile to be
+//! played by `host-sim excite --rust`.
+
+use crate::board::Capabilities;
+use crate::excitation;
+
+pub use crate::excitation::EXCITATION;
+pub use crate::gains::{GAINS, LOADS, Observer};
+
+/// The control period, µs.
+pub const PERIOD_US: u32 = (GAINS.sample_time * 1e6 + 0.5) as u32;
+
+const _: () = assert!(
+    excitation::SAMPLE_TIME == GAINS.sample_time,
+    "excitation and gains are made for different control periods"
+);
+
+/// Holds the settings against what a board can do; where they do not fit, nothing compiles.
+pub const fn require_fit(board: &Capabilities) {
+    assert!(
+        GAINS.encoder.counter_bits == board.counter_bits,
+        "counter_bits of the drive must be the width of the board's counter"
+    );
+    assert!(
+        GAINS.limits.current_resolution == board.amperes_per_code,
+        "current_resolution of the drive must be the step of the board's output"
+    );
+    assert!(
+        GAINS.limits.current_limit <= board.largest_current,
+        "current_limit is beyond the board's output"
+    );
+    let error = GAINS.sample_time * 1e6 - PERIOD_US as f32;
+    // f32 holds the period to seven figures.
+    let tolerance = 1e-6 * PERIOD_US as f32;
+    assert!(
+        error < tolerance && error > -tolerance,
+        "sample_time must be a whole number of microseconds"
+    );
+    let (shortest, longest) = board.periods;
+    assert!(
+        PERIOD_US >= shortest && PERIOD_US <= longest,
+        "sample_time is outside what the board's timer can do"
+    );
+}
