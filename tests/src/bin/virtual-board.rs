@@ -109,6 +109,9 @@ impl Cli {
         let simulated = rig.board.bus().now as f64 / rig.board.bus().rcc.processor_hz() as f64;
         let rate = rig.log.len() as f64 / simulated;
         let mean = |sum: u64| sum as f64 / cost.runs.max(1) as f64;
+        let (running_instructions, most_running_instructions) =
+            running(&periods, |p| p.instructions);
+        let (running_cycles, most_running_cycles) = running(&periods, |p| p.cycles);
         let state = rig.plant().state();
         let summary = json!({
             "control_steps": cost.runs,
@@ -117,6 +120,10 @@ impl Cli {
             "instructions_most": cost.most_instructions,
             "estimated_cycles_mean": mean(cost.cycles),
             "estimated_cycles_most": cost.most_cycles,
+            "running_instructions_mean": running_instructions,
+            "running_instructions_most": most_running_instructions,
+            "running_estimated_cycles_mean": running_cycles,
+            "running_estimated_cycles_most": most_running_cycles,
             "preemptions": cost.preemptions,
             "stack_used": stack,
             "stack_size": stack_size,
@@ -154,6 +161,13 @@ impl Cli {
                 .join(" "),
         ))
     }
+}
+
+/// Average and maximum over the periods in which the amplifier was enabled.
+fn running(periods: &[Period], value: fn(&Period) -> u64) -> (f64, u64) {
+    let enabled = || periods.iter().filter(|period| period.enabled).map(value);
+    let mean = enabled().sum::<u64>() as f64 / enabled().count().max(1) as f64;
+    (mean, enabled().max().unwrap_or(0))
 }
 
 fn table(periods: &[Period], sample_time: f64) -> String {

@@ -32,6 +32,10 @@ pub struct Period {
     pub code: Option<u16>,
     /// Whether the amplifier was enabled afterwards.
     pub enabled: bool,
+    /// Instructions of the control interrupt.
+    pub instructions: u64,
+    /// Estimated cycles of the control interrupt.
+    pub cycles: u64,
 }
 
 /// Code of zero current, and amperes per code, of the amplifier: to the last bit what the drive
@@ -168,6 +172,7 @@ impl Rig {
     pub fn period(&mut self) -> Result<Period, Stop> {
         let count = self.board.bus().encoder.count();
         let began = self.board.bus().now;
+        let before = self.board.interrupt_cost();
         let result = self.board.run_to_tick();
         // What was logged before the end matters most.
         if let Some(rtt) = &mut self.rtt {
@@ -199,10 +204,13 @@ impl Rig {
             }
             self.feed_encoder(u64::MAX);
         }
+        let after = self.board.interrupt_cost();
         Ok(Period {
             count,
             code,
             enabled,
+            instructions: after.instructions - before.instructions,
+            cycles: after.cycles - before.cycles,
         })
     }
 
