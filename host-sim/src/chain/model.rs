@@ -1,12 +1,11 @@
-//! The chain of masses as a linear model: actuator, springs, dampers, loads.
+//! The chain of masses as a linear model, eqs. (1) and (15): actuator, springs, dampers, loads.
 //!
 //! State order `x_a v_a x_1 v_1 … x_n v_n` (the paper's A after section IV, with every mass,
-//! stiffness and damping its own). Forces push outwards: spring `j` between mass `j − 1` and
+//! stiffness and damping its own). Its first two rows are the actuator, eq. (15), its others the load,
+//! eq. (16), which [`load`](super::load) takes out. Forces push outwards: spring `j` between mass `j − 1` and
 //! mass `j` (the actuator is mass 0) gives `k_j (x_{j−1} − x_j) + c_j (v_{j−1} − v_j)`.
 
-use crate::drive::{Actuator, Load};
-use crate::error::{Error, Result};
-use nalgebra::{Complex, DMatrix, DVector, RowDVector};
+use nalgebra::{DMatrix, DVector, RowDVector};
 
 /// Masses, springs and dampers of a drive.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,28 +22,17 @@ pub struct Chain {
     pub force_constant: f64,
 }
 
-/// One flexible mode of the free chain.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Mode {
-    /// Undamped frequency, Hz.
-    pub frequency_hz: f64,
-    /// Damping ratio; 1 and above: no oscillation.
-    pub damping_ratio: f64,
-    /// Amplitude of each mass, actuator first; the largest is 1.
-    pub shape: Vec<f64>,
-}
-
 impl Chain {
-    /// The chain as actually known: nominal values plus identified deviations.
+    /// The plant of the paper's Table I with equal springs, N/m, and dampers, N s/m, neither of which
+    /// the paper publishes.
     #[must_use]
-    pub fn new(actuator: &Actuator, loads: &[Load], viscous: f64) -> Self {
-        let masses = std::iter::once(actuator.actual_mass());
+    pub fn of_table_1(stiffness: f64, damping: f64) -> Self {
         Self {
-            mass: masses.chain(loads.iter().map(|load| load.mass)).collect(),
-            stiffness: loads.iter().map(|load| load.stiffness).collect(),
-            damping: loads.iter().map(|load| load.damping).collect(),
-            viscous,
-            force_constant: actuator.actual_force_constant(),
+            mass: vec![0.059, 0.019, 0.019, 0.019],
+            stiffness: vec![stiffness; 3],
+            damping: vec![damping; 3],
+            viscous: 0.0,
+            force_constant: 6.43,
         }
     }
 
@@ -60,7 +48,8 @@ impl Chain {
         2 * self.mass.len()
     }
 
-    /// System matrix `A` of the free chain.
+    /// System matrix `A` of the free chain, the matrix of section IV: rows of the actuator, eq. (15), then
+    /// of the load, eq. (16).
     #[must_use]
     pub fn a(&self) -> DMatrix<f64> {
         let mut a = DMatrix::zeros(self.states(), self.states());
@@ -81,7 +70,7 @@ impl Chain {
         a
     }
 
-    /// Input `B` of the motor current, per A.
+    /// Input `B` of the motor current, per A: `B_a` of eq. (15), nothing on the load.
     #[must_use]
     pub fn b(&self) -> DVector<f64> {
         self.force_input(0) * self.force_constant
@@ -105,185 +94,22 @@ impl Chain {
         }
         c
     }
-
-    /// The flexible modes, slowest first. The rigid motion is left out.
-    ///
-    /// From the eigenvectors of the undamped chain and the damping along each of them; exact
-    /// where the damping is proportional to the stiffness, as good as the damping is light
-    /// elsewhere.
-    #[must_use]
-    pub fn modes(&self) -> Vec<Mode> {
-        let n = self.mass.len();
-        let assemble = |springs: &[f64]| {
-            let mut matrix = DMatrix::<f64>::zeros(n, n);
-            for (i, value) in springs.iter().enumerate() {
-                let value = *value;
-                matrix[(i, i)] += value / self.mass[i];
-                matrix[(i + 1, i + 1)] += value / self.mass[i + 1];
-                let across = value / (self.mass[i] * self.mass[i + 1]).sqrt();
-                matrix[(i, i + 1)] -= across;
-                matrix[(i + 1, i)] -= across;
-            }
-            matrix
-        };
-        let damping = assemble(&self.damping);
-        let eigen = assemble(&self.stiffness).symmetric_eigen();
-        let mut modes: Vec<Mode> = eigen
-            .eigenvalues
-            .iter()
-            .zip(eigen.eigenvectors.column_iter())
-            .map(|(square, vector)| {
-                let omega = square.max(0.0).sqrt();
-                let along = (vector.transpose() * &damping * vector).x;
-                let amplitudes = vector.iter().zip(&self.mass);
-                let shape: Vec<f64> = amplitudes.map(|(v, mass)| v / mass.sqrt()).collect();
-                let largest = shape.iter().copied().fold(0.0, |largest: f64, amplitude| {
-                    if amplitude.abs() > largest.abs() {
-                        amplitude
-                    } else {
-                        largest
-                    }
-                });
-                Mode {
-                    frequency_hz: omega / std::f64::consts::TAU,
-                    damping_ratio: along / (2.0 * omega),
-                    shape: shape.iter().map(|amplitude| amplitude / largest).collect(),
-                }
-            })
-            .collect();
-        modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
-        // The slowest is the rigid motion.
-        modes.remove(0);
-        modes
-    }
 }
 
-/// Eigenvalues of a square matrix.
-///
-/// # Errors
-/// [`Error::Design`] when the iteration does not converge.
-pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>> {
-    // Metres and newtons in one matrix are decades apart; the iteration wants rows like columns.
-    let mut balanced = matrix.clone();
-    nalgebra::linalg::balancing::balance_parlett_reinsch(&mut balanced);
-    let n = matrix.nrows();
-    // Entries count as zero against their neighbours on the diagonal: as sharply as rounding allows, or
-    // else less so, or else, for eigenvalues of zero with too few eigenvectors (pure delays), with all
-    // eigenvalues moved away from zero.
-    let size = balanced.amax();
-    let attempts = [(0.0, 1.0), (0.0, 16.0), (size, 16.0), (size, 256.0)];
-    let schur = attempts.into_iter().find_map(|(shift, roundings)| {
-        let moved = &balanced + DMatrix::identity(n, n) * shift;
-        let schur = nalgebra::Schur::try_new(moved, roundings * f64::EPSILON, 1000)?;
-        Some((schur, shift))
-    });
-    let (schur, shift) =
-        schur.ok_or_else(|| Error::Design("an eigenvalue iteration did not converge".into()))?;
-    // Read off the blocks on the diagonal here: the crate's own reading takes the root of a negative
-    // number where rounding makes a real pair of what stands in one block.
-    let (_, t) = schur.unpack();
-    let mut eigenvalues = Vec::with_capacity(n);
-    let mut i = 0;
-    while i < n {
-        if i + 1 == n || t[(i + 1, i)] == 0.0 {
-            eigenvalues.push(Complex::from(t[(i, i)]));
-            i += 1;
-            continue;
-        }
-        let mean = 0.5 * (t[(i, i)] + t[(i + 1, i + 1)]);
-        let half = 0.5 * (t[(i, i)] - t[(i + 1, i + 1)]);
-        let root = Complex::from(half * half + t[(i, i + 1)] * t[(i + 1, i)]).sqrt();
-        eigenvalues.extend([root + mean, -root + mean]);
-        i += 2;
-    }
-    for value in &mut eigenvalues {
-        *value -= shift;
-    }
-    if eigenvalues.iter().all(|value| value.is_finite()) {
-        Ok(eigenvalues)
-    } else {
-        Err(Error::Design("an eigenvalue is not finite".into()))
-    }
-}
-
-/// Smallest distance between two of the eigenvalues, relative to the largest of them.
+/// The mass that the paper controls, the second; the first where there is no other.
 #[must_use]
-pub fn separation(eigenvalues: &[Complex<f64>]) -> f64 {
-    let largest = eigenvalues
-        .iter()
-        .map(|pole| pole.norm())
-        .fold(0.0, f64::max);
-    let pairs = eigenvalues.iter().enumerate();
-    let distances = pairs.flat_map(|(i, a)| eigenvalues[..i].iter().map(move |b| (a - b).norm()));
-    distances.fold(f64::INFINITY, f64::min) / largest
-}
-
-/// Largest magnitude of the eigenvalues.
-///
-/// # Errors
-/// As [`eigenvalues`].
-pub fn spectral_radius(matrix: &DMatrix<f64>) -> Result<f64> {
-    let poles = eigenvalues(matrix)?;
-    Ok(poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max))
+pub fn controlled_mass(loads: usize) -> usize {
+    loads.min(2)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::Drive;
-
-    /// Modes of the reference rig as THEORY states them: 11.9, 25.9, 36.3 Hz, 1.2 to 3.8 %.
-    /// Two equal masses on one spring: ω² = 2 k / m, in closed form.
-    #[test]
-    fn modes_of_known_chains() {
-        let drive = Drive::default_drive();
-        let modes = Chain::new(&drive.actuator, &drive.loads, 0.0).modes();
-        let expected = [11.9, 25.9, 36.3];
-        for (mode, expected) in modes.iter().zip(expected) {
-            assert!((mode.frequency_hz - expected).abs() < 0.05, "{mode:?}");
-            assert!((0.012..0.0385).contains(&mode.damping_ratio), "{mode:?}");
-        }
-
-        let pair = Chain {
-            mass: vec![0.5, 0.5],
-            stiffness: vec![100.0],
-            damping: vec![0.2],
-            viscous: 0.0,
-            force_constant: 1.0,
-        };
-        let mode = &pair.modes()[0];
-        // Equal masses swing against each other.
-        assert!((mode.shape[0] + mode.shape[1]).abs() < 1e-12);
-        assert!((mode.shape[0].abs() - 1.0).abs() < 1e-12);
-        let omega = 400.0_f64.sqrt();
-        assert!((mode.frequency_hz * std::f64::consts::TAU - omega).abs() < 1e-9);
-        assert!((mode.damping_ratio - 0.8 / (2.0 * omega)).abs() < 1e-12);
-    }
-
-    /// A double pole: rounding may make a real pair in one block of it, which must not become a root of
-    /// something negative. Two lags of the same rate in a row, at many rates.
-    #[test]
-    fn double_eigenvalues_are_found() {
-        for k in 1..2000 {
-            let rate = f64::from(k) * 0.037;
-            #[rustfmt::skip]
-            let lags = DMatrix::from_row_slice(3, 3, &[
-                -rate, 0.0, rate,
-                rate, -rate, 0.0,
-                0.0, 0.0, 0.0,
-            ]);
-            for value in eigenvalues(&lags).unwrap() {
-                let distance = value.norm().min((value + rate).norm());
-                assert!(distance < 1e-6 * rate, "{rate}: {value}");
-            }
-        }
-    }
 
     /// The paper's matrix of section IV, entry by entry, for equal springs and dampers.
     #[test]
     fn system_matrix_is_the_papers() {
-        let drive = Drive::default_drive();
-        let chain = Chain::new(&drive.actuator, &drive.loads, 0.0);
+        let chain = Chain::of_table_1(300.0, 0.1);
         let (ma, m, k, c) = (0.059, 0.019, 300.0, 0.1);
         #[rustfmt::skip]
         let expected = DMatrix::from_row_slice(8, 8, &[
