@@ -1,7 +1,8 @@
 //! The command line.
 //!
 //! `host-sim` alone does the main job: the paper's four experiments on the embedded drive, the
-//! same as `host-sim simulate`.
+//! same as `host-sim simulate`. A file for each subcommand: it parses, calls the library, and prints or
+//! writes what `report` makes of the result; `wording` has the flags in errors.
 
 mod capture;
 mod compare;
@@ -10,9 +11,12 @@ mod excite;
 mod identify;
 mod paper;
 mod simulate;
+mod wording;
 
 use crate::error::Result;
 use clap::{Parser, Subcommand};
+
+pub use wording::sentence;
 
 /// Designs the gains of a drive that positions a flexible load with no sensor on it, and
 /// simulates it with the control core of the firmware.

@@ -19,8 +19,8 @@ pub use shaper::Shaper;
 use crate::design::Design;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
-use crate::metrics::Metrics;
-use crate::scenario::{SCENARIOS, Scenario};
+use crate::simulate::metrics::Metrics;
+use crate::simulate::scenario::{SCENARIOS, Scenario};
 use crate::simulate::{Control, Core, FullState, Law, Run, close_loop};
 use encoder_observer::EncoderObserver;
 use pd::Pd;
@@ -148,14 +148,14 @@ pub fn cases(design: &Design) -> Vec<Case> {
 /// All laws on all plants.
 ///
 /// # Errors
-/// [`Error::Design`] or [`Error::Simulation`] when a rival cannot be formed, or the runs are too long.
+/// [`Error::Design`] or [`Error::Comparison`] when a rival cannot be formed, or the runs are too long.
 pub fn compare(design: &Design) -> Result<Vec<Row>> {
     let cases = cases(design);
     let duration = duration(design);
     let target = scenario().target;
     let period = design.drive.control.sample_time;
     if duration > LONGEST * period {
-        return Err(Error::Simulation(format!(
+        return Err(Error::Comparison(format!(
             "{PERIODS} periods of the slowest mode are {duration:.1} s, {:.0} control periods: at most \
              {LONGEST} can be compared",
             duration / period

@@ -1,30 +1,30 @@
 //! Design: from a drive to the gains its core runs with.
 //!
 //! ```text
-//! drive -> chain -> discretise -> lqr (K, eqs. (2) to (13)) -+-> Design -> Gains<N, S> (f32)
-//!                       +-------> observer (L, eq. (17)) ----+
+//! drive -> chain -> weights -> regulator (K, eqs. (2) to (13)) -+-> Design -> Gains<N, S> (f32)
+//!            +----------------> observer (L, eq. (17)) ---------+            gains_file (source)
 //! ```
 //!
-//! What a design is judged by: `drive_loop`, `checks`, `margins`, `finite_horizon`; the paper's own
-//! numbers: `paper`.
+//! What is said of a design before it is trusted: `assessment`, made of `checks`, of the margins of
+//! `drive_loop` (`loop_margins`) and of the gain over the time to go. The paper's own numbers: `paper`.
 
+pub mod assessment;
 pub mod checks;
-pub mod discretise;
 pub mod drive_loop;
-pub mod finite_horizon;
-pub mod judgement;
-pub mod lqr;
-pub mod margins;
+pub mod gains_file;
+pub mod loop_margins;
 pub mod observer;
 pub mod paper;
-pub mod placement;
-pub mod riccati;
-pub mod settling;
-pub mod source;
+pub mod regulator;
+pub mod weights;
 
-use crate::drive::{Drive, Motion};
+use crate::chain::{Chain, Mode};
+use crate::drive::{Drive, MoveLimits};
 use crate::error::{Error, Result};
-use crate::model::{Chain, Mode, eigenvalues, spectral_radius};
+use crate::linear::dlqr;
+use crate::linear::eigen::{eigenvalues, spectral_radius};
+use crate::linear::zoh::zero_order_hold;
+use crate::machine::chain_of;
 use arso_core::Gains;
 use arso_core::disturbance::Actuator;
 use arso_core::gains::{EncoderGains, ObserverGains};
@@ -33,6 +33,7 @@ use arso_core::observer::Form;
 use arso_core::reference::MotionLimits;
 use arso_core::regulator::{MassGain, Regulator};
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
+use weights::PerformanceIndex;
 
 /// Gains of a drive in `f64`, with all that led to them.
 #[derive(Clone, Debug)]
@@ -41,6 +42,8 @@ pub struct Design {
     pub drive: Drive,
     /// Continuous model.
     pub chain: Chain,
+    /// The performance index that is least.
+    pub index: PerformanceIndex,
     /// Model over one control period, current held: `x_{k+1} = ad x_k + bd i_k`.
     pub ad: DMatrix<f64>,
     /// See `ad`.
@@ -52,18 +55,20 @@ pub struct Design {
     /// The state observer.
     pub observer: observer::ObserverDesign,
     /// Limits of planned moves.
-    pub motion: Motion,
+    pub motion: MoveLimits,
 }
 
 impl Design {
     /// Designs regulator and observer for a drive.
     ///
     /// # Errors
+    /// [`Error::Input`] when no weights settle as fast as the drive file asks for,
     /// [`Error::Design`] when the chain is too fast for the sample time, a Riccati equation has
     /// no stabilising solution, or the result does not fit `f32`.
     pub fn new(drive: &Drive) -> Result<Self> {
-        let chain = Chain::new(&drive.actuator, &drive.loads, drive.friction.viscous);
+        let chain = chain_of(&drive.actuator, &drive.loads, drive.friction.viscous);
         let sample_time = drive.control.sample_time;
+        let index = PerformanceIndex::new(&drive.cost, &chain, sample_time)?;
         let modes = chain.modes();
         let fastest = modes.last().map_or(0.0, |mode| mode.frequency_hz);
         if fastest * sample_time >= 0.5 {
@@ -72,17 +77,18 @@ impl Design {
                 0.5 / fastest
             )));
         }
-        let (ad, bd) = discretise::zero_order_hold(&chain.a(), &chain.b(), sample_time);
-        let (regulator, riccati_residual) = lqr::regulator(&chain, &drive.cost, sample_time)?;
-        let closed = &ad - &bd * &regulator;
+        let (ad, bd) = zero_order_hold(&chain.a(), &chain.b(), sample_time);
+        let dlqr::Regulator { gain, residual } = regulator::regulator(&chain, &index, sample_time)?;
+        let closed = &ad - &bd * &gain;
         require_stable("the regulator", &closed)?;
         let observer = observer::design(drive, &chain, decay(&eigenvalues(&closed)?, sample_time))?;
         let design = Self {
             drive: drive.clone(),
-            regulator,
-            riccati_residual,
+            regulator: gain,
+            riccati_residual: residual,
             observer,
-            motion: motion(drive, &chain, &modes),
+            index,
+            motion: move_limits(drive, &chain, &modes),
             chain,
             ad,
             bd,
@@ -102,7 +108,7 @@ impl Design {
     /// # Errors
     /// [`Error::Design`] when they cannot be computed.
     pub fn regulator_poles(&self) -> Result<Vec<Complex<f64>>> {
-        eigenvalues(&(&self.ad - &self.bd * &self.regulator))
+        Ok(eigenvalues(&(&self.ad - &self.bd * &self.regulator))?)
     }
 
     /// How fast the slowest of them decays, 1/s.
@@ -121,7 +127,7 @@ impl Design {
     /// # Errors
     /// [`Error::Design`] when they cannot be computed.
     pub fn observer_poles(&self) -> Result<Vec<Complex<f64>>> {
-        eigenvalues(&self.observer.error_transition())
+        Ok(eigenvalues(&self.observer.error_transition())?)
     }
 
     /// The gains as the core takes them. `N` and `S` must be those of the design; the core's
@@ -236,14 +242,14 @@ impl Design {
 /// Limits of planned moves where the drive file has none: the acceleration that half the current
 /// gives the whole chain, reached within one period of the slowest mode (such a ramp leaves that
 /// mode at rest), and the velocity that it reaches in the same time.
-fn motion(drive: &Drive, chain: &Chain, modes: &[Mode]) -> Motion {
+fn move_limits(drive: &Drive, chain: &Chain, modes: &[Mode]) -> MoveLimits {
     if let Some(motion) = &drive.motion {
         return motion.clone();
     }
     let period = modes.first().map_or(1.0, |mode| 1.0 / mode.frequency_hz);
     let force = chain.force_constant * drive.actuator.current_limit;
     let acceleration = 0.5 * force / drive.total_mass();
-    Motion {
+    MoveLimits {
         velocity: acceleration * period,
         acceleration,
         jerk: acceleration / period,

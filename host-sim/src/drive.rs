@@ -1,20 +1,24 @@
-//! The description of a drive: `drive.toml`, read and checked.
+//! The description of a drive, read and checked: `drive.toml` and `plant.toml`.
 //!
-//! [`Drive`] is what the controller believes, [`Plant`](crate::plant::Plant) files
-//! ([`PlantFile`]) are the same schema plus external forces: what is really there. `file` reads and
-//! checks both. Doc comments name the units of a linear drive; [`Kind::units`] has those of a rotary
-//! one.
+//! ```text
+//! text --schema (TOML)--> document (places, numbers) --machine_tables, design_tables--> Drive, PlantFile
+//! ```
+//!
+//! [`Drive`] is what the controller believes, a [`PlantFile`] has the same schema plus external forces:
+//! what is really there. A description says what is wanted and knows nothing of how it is designed:
+//! weights that follow from a settling time or from energies stand here as they were asked for. Doc
+//! comments name the units of a linear drive; [`Kind::units`] has those of a rotary one.
 
-mod file;
-mod kind;
+mod design_tables;
+mod document;
+mod machine_tables;
+mod schema;
 
-use crate::error::Result;
-use crate::model::Chain;
+use crate::error::{Error, Result};
+use crate::machine::{Actuator, Encoder, ExternalForce, Friction, Kind, Load};
 use arso_core::observer::Form;
-use file::{Source, read};
+use document::{Document, read};
 use std::path::Path;
-
-pub use kind::{Kind, Units};
 
 /// The paper's rig.
 pub const DEFAULT_DRIVE: &str = include_str!("../drive.toml");
@@ -25,56 +29,9 @@ pub const DEFAULT_NAME: &str = "embedded drive.toml";
 /// The most load masses a drive can have.
 pub const MAX_LOADS: usize = 6;
 
-/// Actuator and its amplifier.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Actuator {
-    /// `m_an`, kg.
-    pub mass: f64,
-    /// `k_fn`, N/A.
-    pub force_constant: f64,
-    /// Identified deviation `Δm`, kg.
-    pub mass_deviation: f64,
-    /// Identified deviation `Δk_f`, N/A.
-    pub force_constant_deviation: f64,
-    /// A.
-    pub current_limit: f64,
-    /// Step of the current output, A; zero for a continuous one.
-    pub current_resolution: f64,
-}
-
-impl Actuator {
-    /// `m_an + Δm`, kg.
-    #[must_use]
-    pub fn actual_mass(&self) -> f64 {
-        self.mass + self.mass_deviation
-    }
-
-    /// `k_fn + Δk_f`, N/A.
-    #[must_use]
-    pub fn actual_force_constant(&self) -> f64 {
-        self.force_constant + self.force_constant_deviation
-    }
-}
-
-/// Encoder of the actuator.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Encoder {
-    /// m per count.
-    pub resolution: f64,
-    /// 16 or 32.
-    pub counter_bits: u32,
-}
-
-/// One load mass with the spring and damper towards the actuator.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Load {
-    /// kg.
-    pub mass: f64,
-    /// N/m.
-    pub stiffness: f64,
-    /// N s/m.
-    pub damping: f64,
-}
+/// Half width of the band around the target in which a mass counts as settled, over the span of the
+/// motion: what a settling time means.
+pub const SETTLING_BAND: f64 = 0.02;
 
 /// Sampling and observers.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,7 +48,7 @@ pub struct Control {
 
 /// How the gain of the state observer is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ObserverDesign {
+pub enum ObserverMethod {
     /// Steady-state Kalman filter.
     Kalman,
     /// Poles placed: each decays `speed` times as fast as the slowest pole of the regulator, or as
@@ -103,11 +60,11 @@ pub enum ObserverDesign {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObserverSettings {
     /// By which method.
-    pub design: ObserverDesign,
+    pub design: ObserverMethod,
     /// Whether a disturbance on the actuator (friction) is estimated and compensated.
     pub disturbance: bool,
     /// How many times faster than the regulator the observer is to be: placed so by
-    /// [`ObserverDesign::Poles`], checked for both.
+    /// [`ObserverMethod::Poles`], checked for both.
     pub speed: f64,
     /// Kalman: density of a random force on each load over that of the measurement noise.
     pub load_force_ratio: f64,
@@ -121,7 +78,7 @@ impl Default for ObserverSettings {
     /// sample time; "at least twice faster than the control system", as the paper asks.
     fn default() -> Self {
         Self {
-            design: ObserverDesign::Kalman,
+            design: ObserverMethod::Kalman,
             disturbance: true,
             speed: 2.0,
             load_force_ratio: 9.486_832_980_505_138,
@@ -130,34 +87,42 @@ impl Default for ObserverSettings {
     }
 }
 
-/// Diagonals of the performance index (2), one entry per mass, actuator first.
+/// The performance index (2) as it is asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
     /// `R`, 1/A².
     pub current: f64,
-    /// 1/m².
-    pub position: Vec<f64>,
-    /// s²/m².
-    pub velocity: Vec<f64>,
+    /// `Q`.
+    pub weights: Weights,
     /// Diagonal of the terminal weight `H`, read as `½ xᵀ H x`, in the order of the states; for the
     /// gain over the time to go alone.
     pub terminal: Vec<f64>,
 }
 
-impl Cost {
-    /// Diagonal of `Q` in the order of the states, `x_a v_a x_1 v_1 …`.
-    #[must_use]
-    pub fn state_weights(&self) -> Vec<f64> {
-        let masses = self.position.iter().zip(&self.velocity);
-        masses
-            .flat_map(|(position, velocity)| [*position, *velocity])
-            .collect()
-    }
+/// How the weights of the states are stated.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Weights {
+    /// Diagonals, one entry per mass, actuator first.
+    Given {
+        /// 1/m².
+        position: Vec<f64>,
+        /// s²/m².
+        velocity: Vec<f64>,
+    },
+    /// The paper's: potential and kinetic energy, times this, 1/J.
+    Energy(f64),
+    /// The mildest with which the controlled mass settles in time.
+    SettlingTime {
+        /// s.
+        seconds: f64,
+        /// `file:line` of the key, for a time that cannot be kept.
+        place: String,
+    },
 }
 
 /// Limits of a planned move.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
+pub struct MoveLimits {
     /// m/s.
     pub velocity: f64,
     /// m/s².
@@ -186,29 +151,7 @@ pub struct Drive {
     /// Weights of the design.
     pub cost: Cost,
     /// Limits of planned moves; `None` when the file leaves them to the design.
-    pub motion: Option<Motion>,
-}
-
-/// Friction on the actuator.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Friction {
-    /// N.
-    pub coulomb: f64,
-    /// N s/m.
-    pub viscous: f64,
-}
-
-/// A force on one mass for some time.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ExternalForce {
-    /// 0 for the actuator, 1 for the first load, ….
-    pub mass: usize,
-    /// s.
-    pub start: f64,
-    /// s.
-    pub duration: f64,
-    /// N.
-    pub newton: f64,
+    pub motion: Option<MoveLimits>,
 }
 
 /// What is really there: actuator, encoder, loads, friction and forces.
@@ -269,27 +212,35 @@ impl Drive {
     /// # Errors
     /// [`Error::Input`](crate::error::Error::Input).
     pub fn parse(text: &str, name: &str) -> Result<Self> {
-        let (source, raw) = Source::open(text, name)?;
+        let (document, raw) = Document::open(text, name)?;
         if let Some(force) = raw.force.first() {
-            let message = "[[force]] belongs into a plant file (simulate --plant)";
-            return Err(source.error(Some(force.span()), message.into()));
+            return Err(Error::PlantOnly {
+                place: document.place(Some(force.span())),
+                table: "[[force]]",
+            });
         }
-        let actuator = source.actuator(&raw.actuator)?;
-        let encoder = source.encoder(&raw.encoder)?;
-        let loads = source.loads(&raw)?;
-        let friction = source.friction(raw.friction.as_ref())?;
+        let actuator = document.actuator(&raw.actuator)?;
+        let encoder = document.encoder(&raw.encoder)?;
+        let loads = document.loads(&raw)?;
+        let friction = document.friction(raw.friction.as_ref())?;
         let control = raw
             .control
             .as_ref()
-            .ok_or_else(|| source.missing("[control]"))?;
-        let control = source.control(control)?;
-        let observer = source.observer(raw.observer.as_ref(), &control)?;
-        let cost = raw.cost.as_ref().ok_or_else(|| source.missing("[cost]"))?;
-        let chain = Chain::new(&actuator, &loads, friction.viscous);
-        let cost = source.cost(cost, &chain, control.sample_time)?;
-        let motion = raw.motion.as_ref().map(|m| source.motion(m)).transpose()?;
+            .ok_or_else(|| document.missing("[control]"))?;
+        let control = document.control(control)?;
+        let observer = document.observer(raw.observer.as_ref(), &control)?;
+        let cost = raw
+            .cost
+            .as_ref()
+            .ok_or_else(|| document.missing("[cost]"))?;
+        let cost = document.cost(cost, loads.len())?;
+        let motion = raw
+            .motion
+            .as_ref()
+            .map(|limits| document.move_limits(limits))
+            .transpose()?;
         Ok(Self {
-            kind: source.kind(),
+            kind: document.kind(),
             actuator,
             encoder,
             loads,
@@ -324,17 +275,17 @@ impl PlantFile {
     /// # Errors
     /// [`Error::Input`](crate::error::Error::Input).
     pub fn parse(text: &str, name: &str) -> Result<Self> {
-        let (source, raw) = Source::open(text, name)?;
-        let actuator = source.actuator(&raw.actuator)?;
-        let encoder = source.encoder(&raw.encoder)?;
-        let loads = source.loads(&raw)?;
-        let friction = source.friction(raw.friction.as_ref())?;
+        let (document, raw) = Document::open(text, name)?;
+        let actuator = document.actuator(&raw.actuator)?;
+        let encoder = document.encoder(&raw.encoder)?;
+        let loads = document.loads(&raw)?;
+        let friction = document.friction(raw.friction.as_ref())?;
         let forces = raw.force.iter().enumerate();
         let forces = forces
-            .map(|(i, force)| source.force(i + 1, force.get_ref(), loads.len()))
+            .map(|(i, force)| document.force(i + 1, force.get_ref(), loads.len()))
             .collect::<Result<_>>()?;
         Ok(Self {
-            kind: source.kind(),
+            kind: document.kind(),
             actuator,
             encoder,
             loads,

@@ -1,4 +1,7 @@
 //! Errors as the user sees them: one sentence each, and the exit code that goes with it.
+//!
+//! A sentence here names parameters by their own names, in backticks; which flag of the command line
+//! sets a parameter is known to `cli` alone, which words the sentence for its user.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +16,25 @@ pub enum Error {
         /// Key, value, what is wrong with it and what is allowed.
         message: String,
     },
-    /// The command line asks for something that cannot be done.
+    /// A drive file says what only a plant file can say.
+    #[error("{place}: {table} belongs into a plant file")]
+    PlantOnly {
+        /// `file:line`.
+        place: String,
+        /// The table.
+        table: &'static str,
+    },
+    /// A parameter has a value that cannot be used.
+    #[error("{}: {rule}", named(parameter, values))]
+    Parameter {
+        /// Its name.
+        parameter: &'static str,
+        /// Its value; several where it was given several times.
+        values: Vec<String>,
+        /// What it must be, or what it leads to.
+        rule: String,
+    },
+    /// What is asked for cannot be done.
     #[error("{0}")]
     Usage(String),
     /// A file cannot be read.
@@ -41,6 +62,44 @@ pub enum Error {
     /// The simulation left what can be computed.
     #[error("the simulation failed: {0}")]
     Simulation(String),
+    /// The drive stopped itself in a run.
+    #[error("in {experiment} the drive stopped after {time:.3} s with fault {number} ({fault})")]
+    Fault {
+        /// In which experiment.
+        experiment: &'static str,
+        /// When, s.
+        time: f64,
+        /// Number of the fault.
+        number: u8,
+        /// Its name.
+        fault: String,
+    },
+    /// The drive cannot be set beside its rivals.
+    #[error("nothing was compared: {0}")]
+    Comparison(String),
+    /// There is no log, or nothing in it.
+    #[error("nothing was captured: {0}")]
+    Capture(String),
+    /// A table, a file or a plot cannot be formed from what was computed.
+    #[error("the report cannot be formed: {0}")]
+    Report(String),
+}
+
+/// A parameter and its values as a sentence begins with them.
+fn named(parameter: &str, values: &[String]) -> String {
+    let each = values.iter().map(|value| format!("`{parameter}` {value}"));
+    each.collect::<Vec<_>>().join(" ")
+}
+
+/// An equation that has no solution, or none that can be computed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct NoSolution(pub String);
+
+impl From<NoSolution> for Error {
+    fn from(NoSolution(why): NoSolution) -> Self {
+        Error::Design(why)
+    }
 }
 
 impl Error {
@@ -48,11 +107,33 @@ impl Error {
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Error::Input { .. } | Error::Usage(_) | Error::Read { .. } => 2,
+            Error::Input { .. }
+            | Error::PlantOnly { .. }
+            | Error::Parameter { .. }
+            | Error::Usage(_)
+            | Error::Read { .. } => 2,
             Error::Write { .. }
             | Error::Design(_)
             | Error::Identification(_)
-            | Error::Simulation(_) => 1,
+            | Error::Simulation(_)
+            | Error::Fault { .. }
+            | Error::Comparison(_)
+            | Error::Capture(_)
+            | Error::Report(_) => 1,
+        }
+    }
+
+    /// A parameter whose one value cannot be used.
+    #[must_use]
+    pub fn parameter(
+        parameter: &'static str,
+        value: impl std::fmt::Display,
+        rule: impl Into<String>,
+    ) -> Self {
+        Error::Parameter {
+            parameter,
+            values: vec![value.to_string()],
+            rule: rule.into(),
         }
     }
 

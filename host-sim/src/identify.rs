@@ -10,25 +10,24 @@
 //! standard deviation, and what the log does not determine is refused by name.
 
 mod confidence;
+mod drive_file;
 mod estimate;
 mod frequency;
 mod least_squares;
 mod log;
 mod parameters;
 mod predict;
-mod write;
 
+pub use drive_file::drive_file;
 pub use frequency::{Point, model_response, response};
-pub use log::{LEAST_COUNTS, Log};
-pub use parameters::{Kind, Machine, Parameters, Quantity};
-pub use write::drive_file;
+pub use log::Log;
+pub use parameters::{Experiment, Machine, Parameters, Quantity};
 
 use crate::drive::Drive;
 use crate::error::{Error, Result};
 use confidence::{correlation, covariance, require_determined};
 use estimate::{Estimate, estimate};
 use predict::simulation;
-use serde::Serialize;
 
 /// One quantity, identified or held.
 #[derive(Clone, Debug)]
@@ -43,19 +42,6 @@ pub struct Identified {
     pub held: bool,
     /// What the drive file says.
     pub before: f64,
-}
-
-/// A quantity in JSON.
-#[derive(Clone, Debug, Serialize)]
-pub struct Entry {
-    /// SI.
-    pub value: f64,
-    /// Standard deviation.
-    pub std: f64,
-    /// Unit.
-    pub unit: &'static str,
-    /// Whether it was taken from the drive file.
-    pub held: bool,
 }
 
 /// What was identified.
@@ -95,7 +81,7 @@ const LEAST_FIT: f64 = 50.0;
 pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Identification> {
     let resolution = drive.encoder.resolution;
     let refused = |message: String| Error::Identification(message);
-    let flexible = parameters.kind() == Kind::Excitation;
+    let flexible = parameters.experiment() == Experiment::Excitation;
     let response = if flexible { response(log) } else { Vec::new() };
     let free = parameters.free().count();
     let starts = if flexible {
@@ -161,7 +147,7 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
     if fit_percent.is_nan() || fit_percent < LEAST_FIT {
         return Err(refused(format!(
             "the best machine of this structure explains {fit_percent:.0} % of the motion, {LEAST_FIT} % at \
-             least are needed: is the log of this drive, and of this --run?"
+             least are needed: is the log of this drive, and of this `experiment`?"
         )));
     }
     Ok(Identification {
@@ -197,22 +183,4 @@ fn fitted(log: &Log, machine: &Machine, frequency: f64) -> Vec<(f64, f64)> {
     };
     let (measured, simulated) = (fast(&log.position), fast(&simulation(log, machine)));
     measured.into_iter().zip(simulated).collect()
-}
-
-impl Identification {
-    /// Each quantity for JSON, by its key in the drive file.
-    #[must_use]
-    pub fn entries(&self, drive: &Drive) -> std::collections::BTreeMap<String, Entry> {
-        let units = drive.kind.units();
-        let entries = self.quantities.iter().map(|identified| {
-            let entry = Entry {
-                value: identified.value,
-                std: identified.std,
-                unit: identified.quantity.unit(units),
-                held: identified.held,
-            };
-            (identified.quantity.name(), entry)
-        });
-        entries.collect()
-    }
 }

@@ -2,13 +2,14 @@
 #![forbid(unsafe_code)]
 
 use clap::Parser;
+use host_sim::cli::{Cli, sentence};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match host_sim::cli::Cli::parse().run() {
+    match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            eprintln!("error: {}", sentence(&error));
             ExitCode::from(error.exit_code())
         }
     }

@@ -8,16 +8,21 @@
 //! it runs, on a plant of its own, feedback of the true state with the same gain
 //! `K`: the bound that no observer can beat.
 
-use crate::corridor::{Corridor, Record, corridor};
+pub mod corridor;
+pub mod metrics;
+pub mod plant;
+pub mod scenario;
+
 use crate::design::Design;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
-use crate::plant::Plant;
-use crate::scenario::{Kind, Scenario};
 use arso_core::limits::Limits;
 use arso_core::reference::Generator;
 use arso_core::{Counts, Current, Fault, Measurement, Position, Request, State, reference};
+use corridor::{Corridor, Record, corridor};
 use nalgebra::DVector;
+use plant::Plant;
+use scenario::{Approach, Scenario};
 use std::collections::VecDeque;
 
 /// Which control law was simulated.
@@ -59,7 +64,7 @@ pub struct Sample {
 #[derive(Clone, Debug)]
 pub struct Run {
     /// Linear or rotary.
-    pub kind: crate::drive::Kind,
+    pub kind: crate::machine::Kind,
     /// Which experiment.
     pub scenario: Scenario,
     /// Which control law.
@@ -152,7 +157,7 @@ pub(crate) fn close_loop(
 }
 
 /// What a control law says for one period.
-pub(crate) struct Step {
+pub(crate) struct ControlOutput {
     /// A.
     pub(crate) current: f64,
     /// Whether the current limit acted.
@@ -166,7 +171,7 @@ pub(crate) struct Step {
 /// A control law in simulation.
 pub(crate) trait Control {
     /// One period: encoder counter, true state, current that the law takes for applied.
-    fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<Step>;
+    fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<ControlOutput>;
 }
 
 /// The control core as a law.
@@ -180,9 +185,9 @@ impl Core {
         commission(core.as_mut(), file, design.drive.control.sample_time)?;
         core.request(Request::Start);
         let target = Position(scenario.target as f32);
-        core.request(match scenario.kind {
-            Kind::Step => Request::Step(target),
-            Kind::Move => Request::Move(target),
+        core.request(match scenario.approach {
+            Approach::Step => Request::Step(target),
+            Approach::Move => Request::Move(target),
         });
         Ok(Self(core))
     }
@@ -223,13 +228,13 @@ pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Res
 }
 
 impl Control for Core {
-    fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<Step> {
+    fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let command = self.0.step(Measurement {
             count: Counts(count),
             current: Current(applied as f32),
         });
         let record = self.0.record();
-        Ok(Step {
+        Ok(ControlOutput {
             current: command.current.0.into(),
             limited: command.limited,
             reference: record.reference,
@@ -255,9 +260,9 @@ impl FullState {
         );
         let mut state = reference::State::default();
         let target = Position(scenario.target as f32);
-        match scenario.kind {
-            Kind::Step => generator.step_to(&mut state, target),
-            Kind::Move => {
+        match scenario.approach {
+            Approach::Step => generator.step_to(&mut state, target),
+            Approach::Move => {
                 generator.move_to(&mut state, target);
             }
         }
@@ -271,7 +276,7 @@ impl FullState {
 }
 
 impl Control for FullState {
-    fn step(&mut self, _: u32, truth: &DVector<f64>, _: f64) -> Result<Step> {
+    fn step(&mut self, _: u32, truth: &DVector<f64>, _: f64) -> Result<ControlOutput> {
         let setpoint = self.generator.step(&mut self.reference);
         let reference = [
             f64::from(setpoint.position.0),
@@ -282,7 +287,7 @@ impl Control for FullState {
         let limited = self.limits.step(Current(current as f32)).ok_or_else(|| {
             Error::Simulation("feedback of the true state is no longer finite".into())
         })?;
-        Ok(Step {
+        Ok(ControlOutput {
             current: limited.current.0.into(),
             limited: limited.limited,
             reference: reference[0],

@@ -1,9 +1,10 @@
 //! `host-sim identify` as the user runs it: what it finds, and what it refuses, each with its sentence.
 
 use assert_cmd::Command;
-use host_sim::drive::{Drive, Friction, PlantFile};
-use host_sim::excite::{Play, Wish};
-use host_sim::plant::Plant;
+use host_sim::drive::{Drive, PlantFile};
+use host_sim::excite::{ExcitationPlan, ExcitationRequest};
+use host_sim::machine::Friction;
+use host_sim::simulate::plant::Plant;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -36,8 +37,8 @@ fn log(plant: &PlantFile, currents: impl IntoIterator<Item = f64>) -> String {
 }
 
 fn excitation(drive: &Drive) -> Vec<f64> {
-    let play = Play::new(drive, &Wish::default()).unwrap();
-    play.currents().map(f64::from).collect()
+    let plan = ExcitationPlan::new(drive, &ExcitationRequest::default()).unwrap();
+    plan.currents().map(f64::from).collect()
 }
 
 /// The same log with the encoder's phases swapped.
@@ -343,15 +344,15 @@ fn what_a_log_does_not_determine_is_refused() {
     assert_eq!((code, text.as_str()), (1, ""), "{error}");
     assert!(error.contains("% of the motion, 50 % at least"), "{error}");
     // A band that ends below the second and third modes.
-    let wish = Wish {
+    let request = ExcitationRequest {
         to: Some(14.0),
         current: Some(0.02),
-        ..Wish::default()
+        ..ExcitationRequest::default()
     };
-    let play = Play::new(&drive, &wish).unwrap();
+    let plan = ExcitationPlan::new(&drive, &request).unwrap();
     let mut noisy = plant.clone();
     noisy.encoder.resolution = 20e-6;
-    let narrow = log(&noisy, play.currents().map(f64::from));
+    let narrow = log(&noisy, plan.currents().map(f64::from));
     let coarse = directory.path().join("coarse.toml");
     fs::write(
         &coarse,

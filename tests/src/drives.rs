@@ -3,7 +3,8 @@
 use crate::reference::{ReferenceDrive, ReferenceGains, ReferenceObserver};
 use arso_core::observer::Form;
 use host_sim::design::Design;
-use host_sim::drive::{Drive, Load};
+use host_sim::drive::{Drive, Weights};
+use host_sim::machine::Load;
 
 /// The default drive with its last load repeated or removed until there are `loads` of them.
 #[must_use]
@@ -11,8 +12,10 @@ pub fn drive_with_loads(loads: usize) -> Drive {
     let mut drive = Drive::default_drive();
     let load = drive.loads[0].clone();
     drive.loads.resize(loads, load);
-    drive.cost.position.resize(loads + 1, 225.0);
-    drive.cost.velocity.resize(loads + 1, 0.2);
+    drive.cost.weights = Weights::Given {
+        position: vec![225.0; loads + 1],
+        velocity: vec![0.2; loads + 1],
+    };
     drive
 }
 

@@ -7,14 +7,15 @@ use arso_tests::virtual_board::image::Image;
 use arso_tests::virtual_board::rig::{Period, Switches};
 use arso_tests::virtual_board::{Board, Rig};
 use host_sim::capture::{Capture, LogRecord, read_defmt};
-use host_sim::corridor::corridor;
 use host_sim::design::Design;
-use host_sim::drive::{Drive, Friction, PlantFile};
-use host_sim::excite::{Play, Wish};
-use host_sim::identify::{Kind, Log, Parameters, identify};
-use host_sim::plant::Plant;
+use host_sim::drive::{Drive, PlantFile};
+use host_sim::excite::{ExcitationPlan, ExcitationRequest};
+use host_sim::identify::{Experiment, Log, Parameters, identify};
+use host_sim::machine::Friction;
 use host_sim::report::log::csv;
-use host_sim::scenario::Scenario;
+use host_sim::simulate::corridor::corridor;
+use host_sim::simulate::plant::Plant;
+use host_sim::simulate::scenario::Scenario;
 
 /// The default drive with a machine that has friction.
 fn machine() -> (Drive, PlantFile) {
@@ -39,12 +40,12 @@ fn decode(rig: &Rig) -> Capture {
 }
 
 /// What the firmware has, as `host-sim excite` forms it (`gains_file.rs` shows that it is the same).
-fn play(drive: &Drive) -> Play {
-    Play::new(drive, &Wish::default()).unwrap()
+fn play(drive: &Drive) -> ExcitationPlan {
+    ExcitationPlan::new(drive, &ExcitationRequest::default()).unwrap()
 }
 
 /// Encoder counts of a play by the core on this machine, on a plant at rest at the origin.
-fn host_counts(drive: &Drive, machine: &PlantFile, play: &Play) -> (Vec<u32>, State) {
+fn host_counts(drive: &Drive, machine: &PlantFile, play: &ExcitationPlan) -> (Vec<u32>, State) {
     let design = Design::new(drive).unwrap();
     let mut core = corridor(&design).unwrap();
     let mut plant = Plant::new(machine, drive.control.sample_time);
@@ -353,7 +354,7 @@ fn the_machine_is_identified_from_the_boards_log() {
     let csv = csv(&decode(&rig), drive.control.sample_time, drive.kind).unwrap();
     let log = Log::parse(&csv[..], "log.csv", &drive).unwrap();
     let hold = ["actuator.force_constant".to_owned()];
-    let parameters = Parameters::new(&drive, Kind::Excitation, &hold).unwrap();
+    let parameters = Parameters::new(&drive, Experiment::Excitation, &hold).unwrap();
     let found = identify(&drive, &log, &parameters).unwrap().entries(&drive);
     for (name, truth) in [
         ("actuator.mass", 0.059),

@@ -9,7 +9,7 @@ use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::error::Result;
 use host_sim::report::log;
-use host_sim::scenario::Scenario;
+use host_sim::simulate::scenario::Scenario;
 use host_sim::simulate::{Law, simulate};
 
 /// A whole experiment: log, and what the board did in each of its periods.

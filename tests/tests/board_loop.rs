@@ -7,7 +7,7 @@ use arso_tests::virtual_board::rig::{Switches, Wiring};
 use arso_tests::virtual_board::{Board, Rig, Stop};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
-use host_sim::scenario::{SCENARIOS, Scenario};
+use host_sim::simulate::scenario::{SCENARIOS, Scenario};
 use host_sim::simulate::{Law, simulate};
 
 fn image() -> Image {

@@ -3,9 +3,10 @@
 
 use arso_tests::drives;
 use host_sim::design::Design;
-use host_sim::drive::{Drive, ExternalForce, PlantFile};
-use host_sim::metrics::Metrics;
-use host_sim::scenario::{SCENARIOS, Scenario};
+use host_sim::drive::{Drive, PlantFile};
+use host_sim::machine::ExternalForce;
+use host_sim::simulate::metrics::Metrics;
+use host_sim::simulate::scenario::{SCENARIOS, Scenario};
 use host_sim::simulate::{Law, simulate};
 
 /// What is different in a plant.

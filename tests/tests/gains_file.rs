@@ -1,9 +1,9 @@
 //! The gains and the excitation in the firmware are those of the default drive.
 
-use host_sim::corridor::gains_source;
 use host_sim::design::Design;
 use host_sim::drive::{DEFAULT_NAME, Drive};
-use host_sim::excite::{Play, Wish, source};
+use host_sim::excite::{ExcitationPlan, ExcitationRequest, excitation_file};
+use host_sim::simulate::corridor::gains_source;
 
 // The firmware's own files: that they compile against the core is part of the test.
 #[path = "../../firmware/src/excitation.rs"]
@@ -29,10 +29,10 @@ fn the_firmware_has_the_gains_of_the_default_drive() {
 #[test]
 fn the_firmware_has_the_excitation_of_the_default_drive() {
     let drive = Drive::default_drive();
-    let play = Play::new(&drive, &Wish::default()).unwrap();
+    let play = ExcitationPlan::new(&drive, &ExcitationRequest::default()).unwrap();
     let current = include_str!("../../firmware/src/excitation.rs");
     assert!(
-        source(&play, &drive, DEFAULT_NAME) == current,
+        excitation_file(&play, &drive, DEFAULT_NAME) == current,
         "firmware/src/excitation.rs is not what the default drive is excited with: \
          run `cargo run --release -- excite --rust firmware/src/excitation.rs`"
     );

@@ -4,10 +4,10 @@
 use arso_core::{Counts, Current, Measurement, Position, Request};
 use arso_tests::drives;
 use arso_tests::reference::{ReferenceController, closed_loop};
-use host_sim::corridor::corridor;
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
-use host_sim::scenario::Scenario;
+use host_sim::simulate::corridor::corridor;
+use host_sim::simulate::scenario::Scenario;
 use host_sim::simulate::{Law, commission, simulate};
 
 const STEPS: usize = 1200;

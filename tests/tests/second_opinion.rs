@@ -6,7 +6,7 @@
 use arso_core::{Controller, Counts, Current, Measurement, Position, Request, State};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
-use host_sim::plant::Plant;
+use host_sim::simulate::plant::Plant;
 use std::process::Command;
 
 /// Inputs of a drive from reset through commissioning to the end of a 30 mm step, in the format of

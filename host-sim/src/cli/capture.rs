@@ -85,7 +85,7 @@ impl CaptureCommand {
                 std::process::exit(130);
             }
         })
-        .map_err(|error| Error::Simulation(format!("Ctrl-C cannot be caught: {error}")))?;
+        .map_err(|error| Error::Capture(format!("Ctrl-C cannot be caught: {error}")))?;
         // Messages are shown as they come, the records at the end.
         let message = |text: &str| eprintln!("{text}");
         let capture = match &self.elf {
@@ -100,7 +100,7 @@ impl CaptureCommand {
             None => read_text(stream, message)?,
         };
         if capture.records.is_empty() {
-            return Err(Error::Simulation(format!(
+            return Err(Error::Capture(format!(
                 "the log of {} bytes holds no control step ({} damaged frames)",
                 capture.bytes, capture.malformed
             )));

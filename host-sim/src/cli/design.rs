@@ -1,16 +1,14 @@
 //! `host-sim design`: gains from a drive file.
 
-use crate::corridor::gains_source;
 use crate::design::Design;
+use crate::design::assessment::Assessment;
 use crate::design::checks::Verdict;
-use crate::design::judgement::Judgement;
 use crate::drive::{DEFAULT_NAME, Drive};
 use crate::error::{Error, Result};
 use crate::output::{print, write_file};
-use crate::report::{horizon, table};
+use crate::report::{design, horizon};
+use crate::simulate::corridor::gains_source;
 use clap::Args;
-use nalgebra::{Complex, DMatrix};
-use serde_json::json;
 use std::path::PathBuf;
 
 /// Design regulator and observer of a drive.
@@ -33,10 +31,10 @@ impl DesignCommand {
     pub(super) fn run(self) -> Result<()> {
         let drive = Drive::load(self.drive.as_deref())?;
         let design = Design::new(&drive)?;
-        let judged = Judgement::new(&design)?;
+        let assessment = Assessment::new(&design)?;
         let name = self.drive.as_ref().and_then(|path| path.file_name());
         let origin = name.map_or(DEFAULT_NAME.into(), |name| name.to_string_lossy());
-        let refused = judged
+        let refused = assessment
             .checks
             .iter()
             .find(|check| check.verdict == Verdict::Refuse);
@@ -47,10 +45,10 @@ impl DesignCommand {
             write_file(path, horizon::plot(&design)?.as_bytes())?;
         }
         if self.json {
-            print(&format!("{:#}\n", as_json(&design, &judged)?))?;
+            print(&format!("{:#}\n", design::json(&design, &assessment)?))?;
         } else {
-            let mut text = format!("design for {origin}\n{}", table::design(&design)?);
-            text += &table::judgement(&judged);
+            let mut text = format!("design for {origin}\n{}", design::tables(&design)?);
+            text += &design::assessment(&assessment);
             if let (Some(path), None) = (&self.rust, refused) {
                 text += &format!("gains written to {}\n", path.display());
             }
@@ -67,38 +65,4 @@ impl DesignCommand {
             ))),
         }
     }
-}
-
-fn as_json(design: &Design, judged: &Judgement) -> Result<serde_json::Value> {
-    let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
-        matrix
-            .row_iter()
-            .map(|row| row.iter().copied().collect())
-            .collect()
-    };
-    let poles = |poles: Vec<Complex<f64>>| -> Vec<[f64; 2]> {
-        poles.iter().map(|pole| [pole.re, pole.im]).collect()
-    };
-    let observer = &design.observer;
-    Ok(json!({
-        "kind": design.drive.kind,
-        "a": rows(&design.chain.a()),
-        "b": design.chain.b().as_slice(),
-        "ad": rows(&design.ad),
-        "bd": design.bd.as_slice(),
-        "k": design.regulator.as_slice(),
-        "regulator_poles": poles(design.regulator_poles()?),
-        "observer": table::observer_name(design.form()),
-        "observer_transition": rows(&observer.transition),
-        "observer_input": observer.input.as_slice(),
-        "observer_output": observer.output.as_slice(),
-        "observer_gain": observer.correction.as_slice(),
-        "observer_poles": poles(design.observer_poles()?),
-        "modes": design.modes(),
-        "distinct_eigenvalues": judged.distinct_eigenvalues,
-        "checks": judged.checks,
-        "margins": judged.margins,
-        "margins_full_state": judged.margins_full_state,
-        "finite_horizon": judged.finite_horizon,
-    }))
 }

@@ -2,10 +2,10 @@
 
 use crate::drive::{DEFAULT_NAME, Drive};
 use crate::error::Result;
-use crate::excite::{Play, Signal, Wish, csv, source};
-use crate::output::{print, write_file};
-use crate::report::significant;
-use clap::Args;
+use crate::excite::{self, ExcitationPlan, ExcitationRequest, excitation_file};
+use crate::output::{print, significant, write_file};
+use crate::report::excitation;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 /// Form the excitation that the drive plays in open loop, for identification.
@@ -38,7 +38,7 @@ pub(super) struct ExciteCommand {
     #[arg(
         long,
         value_name = "N",
-        default_value_t = Wish::default().repetitions,
+        default_value_t = ExcitationRequest::default().repetitions,
         value_parser = clap::value_parser!(u16).range(1..)
     )]
     repeat: u16,
@@ -53,13 +53,31 @@ pub(super) struct ExciteCommand {
     out: PathBuf,
 }
 
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum Signal {
+    /// Every odd multiple of 1 / period in the band, with equal current.
+    #[default]
+    Multisine,
+    /// A linear sweep through the band and back, twice per period, the second time upside down.
+    Chirp,
+}
+
+impl From<Signal> for excite::Signal {
+    fn from(signal: Signal) -> Self {
+        match signal {
+            Signal::Multisine => excite::Signal::Multisine,
+            Signal::Chirp => excite::Signal::Chirp,
+        }
+    }
+}
+
 impl ExciteCommand {
     pub(super) fn run(self) -> Result<()> {
         let drive = Drive::load(self.drive.as_deref())?;
-        let play = Play::new(
+        let plan = ExcitationPlan::new(
             &drive,
-            &Wish {
-                signal: self.kind,
+            &ExcitationRequest {
+                signal: self.kind.into(),
                 current: self.current,
                 travel: self.travel,
                 from: self.from,
@@ -71,55 +89,27 @@ impl ExciteCommand {
         let name = self.drive.as_ref().and_then(|path| path.file_name());
         let origin = name.map_or(DEFAULT_NAME.into(), |name| name.to_string_lossy());
         if let Some(path) = &self.rust {
-            write_file(path, source(&play, &drive, &origin).as_bytes())?;
+            write_file(path, excitation_file(&plan, &drive, &origin).as_bytes())?;
         }
-        if let Some(current) = play.reduced_from {
+        if let Some(current) = plan.reduced_from {
             eprintln!(
                 "warning: the travel of {} {} allows {} A instead of {} A",
-                play.travel,
+                plan.travel,
                 drive.kind.units().position,
-                significant(play.peak(), 3),
+                significant(plan.peak(), 3),
                 significant(current, 3)
             );
         }
         if self.csv {
-            return print(&csv(&play));
+            return print(&excitation::csv(&plan));
         }
         let path = self.out.join("excitation.csv");
-        write_file(&path, csv(&play).as_bytes())?;
-        let mut text = format!("drive: {origin}\n{}", summary(&play, &drive));
+        write_file(&path, excitation::csv(&plan).as_bytes())?;
+        let mut text = format!("drive: {origin}\n{}", excitation::summary(&plan, &drive));
         if let Some(path) = &self.rust {
             text += &format!("Rust source: {}\n", path.display());
         }
         text += &format!("CSV of every control period: {}\n", path.display());
         print(&text)
     }
-}
-
-fn summary(play: &Play, drive: &Drive) -> String {
-    let [from, to] = play.band();
-    let milli = drive.kind.units().milli_position;
-    let prediction = &play.prediction;
-    format!(
-        "signal              {}, {} lines from {from:.3} to {to:.3} Hz\n\
-         duration            {} x {:.3} s = {:.3} s, {} control periods each\n\
-         current             {} A peak, {} A rms\n\
-         predicted travel    {} {milli} ({:.0} counts), amplifier off beyond {} {milli}\n\
-         predicted speed     {} {milli}/s at most\n\
-         predicted stretch   {} {milli} at most, of spring {}\n",
-        play.signal.name(),
-        play.lines.len(),
-        play.repetitions,
-        play.period(),
-        play.duration(),
-        play.table.len(),
-        significant(play.peak(), 3),
-        significant(play.rms(), 3),
-        significant(1e3 * prediction.travel, 5),
-        prediction.travel / drive.encoder.resolution,
-        significant(1e3 * play.travel, 5),
-        significant(1e3 * prediction.speed, 3),
-        significant(1e3 * prediction.stretch, 5),
-        prediction.spring,
-    )
 }

@@ -2,11 +2,10 @@
 
 use crate::drive::{DEFAULT_DRIVE, Drive};
 use crate::error::{Error, Result};
-use crate::identify::{Kind, Log, Parameters, drive_file, identify};
+use crate::identify::{Experiment, Log, Parameters, drive_file, identify};
 use crate::output::{print, write_file};
 use crate::report::identification;
 use clap::{Args, ValueEnum};
-use serde_json::json;
 use std::path::PathBuf;
 
 /// Identify masses, springs and friction from a log of encoder and current.
@@ -59,35 +58,29 @@ impl IdentifyCommand {
             })?,
         };
         let drive = Drive::load(self.drive.as_deref())?;
-        let kind = match self.run {
-            RunKind::Excitation => Kind::Excitation,
-            RunKind::Free => Kind::Free,
-            RunKind::Slow => Kind::Slow,
+        let experiment = match self.run {
+            RunKind::Excitation => Experiment::Excitation,
+            RunKind::Free => Experiment::Free,
+            RunKind::Slow => Experiment::Slow,
         };
         let hold = if self.hold.is_empty() {
             vec!["actuator.force_constant".to_owned()]
         } else {
             self.hold
         };
-        let parameters = Parameters::new(&drive, kind, &hold)?;
+        let parameters = Parameters::new(&drive, experiment, &hold)?;
         let log = Log::load(&self.log, &drive)?;
         let result = identify(&drive, &log, &parameters)?;
         if let Some(path) = &self.toml {
             write_file(path, drive_file(&text, &result.quantities)?.as_bytes())?;
         }
         if self.json {
-            return print(&format!(
-                "{:#}\n",
-                json!({
-                    "parameters": result.entries(&drive),
-                    "fit_percent": result.fit_percent,
-                })
-            ));
+            return print(&format!("{:#}\n", identification::json(&drive, &result)));
         }
         let plot = self.out.join("identification.svg");
         write_file(
             &plot,
-            identification::plot(&drive, &result, kind)?.as_bytes(),
+            identification::plot(&drive, &result, experiment)?.as_bytes(),
         )?;
         let mut text = identification::table(&drive, &result);
         text += &format!("Residuals: {}\n", plot.display());

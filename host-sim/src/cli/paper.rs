@@ -1,10 +1,10 @@
 //! `host-sim paper`: what the gains printed in the paper do.
 
-use crate::design::paper::{DAMPING, Point, STIFFNESS, grid};
+use crate::design::paper::grid;
 use crate::error::Result;
 use crate::output::print;
+use crate::report::paper;
 use clap::Args;
-use comfy_table::{Table, presets};
 
 /// Show what the gains printed in the paper do on plants consistent with its Table I.
 #[derive(Debug, Args)]
@@ -18,31 +18,8 @@ impl PaperCommand {
     pub(super) fn run(self) -> Result<()> {
         let grid = grid()?;
         if self.json {
-            return print(&format!("{:#}\n", serde_json::json!({ "grid": grid })));
+            return print(&format!("{:#}\n", paper::json(&grid)));
         }
-        let table = |value: fn(&Point) -> f64| {
-            let mut table = Table::new();
-            table.load_style(presets::ASCII_MARKDOWN);
-            let damping = DAMPING.iter().map(|c| format!("c = {c}"));
-            table.set_header(std::iter::once("k [N/m]".to_owned()).chain(damping));
-            for (stiffness, row) in STIFFNESS.iter().zip(grid.chunks(DAMPING.len())) {
-                let cells = row.iter().map(|point| {
-                    let real = value(point);
-                    format!(
-                        "{} {real:.2}",
-                        if real < 0.0 { "stable" } else { "UNSTABLE" }
-                    )
-                });
-                table.add_row(std::iter::once(stiffness.to_string()).chain(cells));
-            }
-            table
-        };
-        print(&format!(
-            "Largest real part of the poles, 1/s; c in N s/m. The paper does not publish k and c.\n\n\
-             A - B K, printed K, input current:\n{}\n\n\
-             A - M C_f, printed M, without the rigid motion, which eq. (17) does not observe:\n{}\n",
-            table(|point| point.regulator),
-            table(|point| point.observer),
-        ))
+        print(&paper::tables(&grid))
     }
 }

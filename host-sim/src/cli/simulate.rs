@@ -3,14 +3,13 @@
 use crate::design::Design;
 use crate::drive::{DEFAULT_NAME, Drive, PlantFile};
 use crate::error::{Error, Result};
-use crate::metrics::Metrics;
 use crate::output::{print, write_file};
-use crate::report::{csv::csv, plot::plot, table};
-use crate::scenario::{SCENARIOS, Scenario, paper};
+use crate::report::{csv::csv, design, experiments, plot::plot};
+use crate::simulate::metrics::Metrics;
+use crate::simulate::scenario::{SCENARIOS, Scenario, of_the_paper};
 use crate::simulate::{Law, Run, simulate};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use serde_json::json;
 use std::path::PathBuf;
 
 /// Simulate experiments on a drive.
@@ -82,7 +81,7 @@ impl Simulate {
             )));
         }
         let scenarios: Vec<&Scenario> = if self.scenario.is_empty() {
-            paper().iter().collect()
+            of_the_paper().iter().collect()
         } else {
             self.scenario
                 .iter()
@@ -123,19 +122,8 @@ impl Simulate {
             }
         }
         if self.json {
-            let experiments = runs.iter().map(|(run, metrics)| {
-                json!({
-                    "scenario": run.scenario.name,
-                    "law": run.law,
-                    "observer": (run.law == Law::Core).then(|| table::observer_name(design.form())),
-                    "metrics": metrics,
-                })
-            });
-            let experiments: Vec<_> = experiments.collect();
-            print(&format!(
-                "{:#}\n",
-                json!({ "experiments": experiments, "files": files })
-            ))?;
+            let json = experiments::json(&design, &runs, &files);
+            print(&format!("{json:#}\n"))?;
         } else {
             let shown =
                 |path: &Option<PathBuf>| path.as_ref().map(|path| path.display().to_string());
@@ -146,8 +134,8 @@ impl Simulate {
             if let Some(plant) = shown(&self.plant) {
                 text += &format!(", plant: {plant}");
             }
-            text += &format!("\n{}\n", table::design(&design)?);
-            text += &table::experiments(&design, &runs);
+            text += &format!("\n{}\n", design::tables(&design)?);
+            text += &experiments::table_of(&design, &runs);
             text += &format!("Plots and CSV of every step: {}\n", self.out.display());
             print(&text)?;
         }
@@ -159,11 +147,12 @@ impl Simulate {
 fn require_no_fault<'a>(runs: impl IntoIterator<Item = &'a Run>) -> Result<()> {
     for run in runs {
         if let Some((time, fault)) = run.fault {
-            return Err(Error::Simulation(format!(
-                "in {} the drive stopped after {time:.3} s with fault {} ({fault:?})",
-                run.scenario.name,
-                fault.number()
-            )));
+            return Err(Error::Fault {
+                experiment: run.scenario.name,
+                time,
+                number: fault.number(),
+                fault: format!("{fault:?}"),
+            });
         }
     }
     Ok(())

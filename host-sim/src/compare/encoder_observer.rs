@@ -4,10 +4,11 @@
 //! States `x_a v_a x_1 v_1 … d` of the free chain, input the applied current, output `x_a`; the same
 //! gain `K` and the same compensation of `d` as in the drive. In `f64`, on the PC alone.
 
+use crate::design::Design;
 use crate::design::observer::kalman;
-use crate::design::{Design, discretise};
 use crate::error::{Error, Result};
-use crate::simulate::{Control, Step};
+use crate::linear::zoh::zero_order_hold;
+use crate::simulate::{Control, ControlOutput};
 use arso_core::encoder::{self, Encoder};
 use arso_core::limits::Limits;
 use arso_core::{Counts, Current};
@@ -46,7 +47,7 @@ impl EncoderObserver {
         a.view_mut((0, n), (n, 1)).copy_from(&-chain.force_input(0));
         let mut b = DVector::zeros(n + 1);
         b.rows_mut(0, n).copy_from(&chain.b());
-        let (transition, input) = discretise::zero_order_hold(&a, &b, period);
+        let (transition, input) = zero_order_hold(&a, &b, period);
         let mut output = RowDVector::zeros(n + 1);
         output[0] = 1.0;
         // Rounding to counts as a density.
@@ -79,7 +80,7 @@ impl EncoderObserver {
 }
 
 impl Control for EncoderObserver {
-    fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<Step> {
+    fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let reading = self.encoder.0.step(&mut self.encoder.1, Counts(count));
         let predicted = &self.transition * &self.state + &self.input * applied;
         let innovation = f64::from(reading.position.0) - predicted[0];
@@ -93,7 +94,7 @@ impl Control for EncoderObserver {
             .limits
             .step(Current(command as f32))
             .ok_or_else(|| Error::Simulation("the encoder's filter is no longer finite".into()))?;
-        Ok(Step {
+        Ok(ControlOutput {
             current: limited.current.0.into(),
             limited: limited.limited,
             reference: self.target,

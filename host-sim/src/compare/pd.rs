@@ -12,8 +12,8 @@ use super::shaper::Shaper;
 use crate::design::Design;
 use crate::design::checks::collocated_loop;
 use crate::error::{Error, Result};
-use crate::model::eigenvalues;
-use crate::simulate::{Control, Step};
+use crate::linear::eigen::eigenvalues;
+use crate::simulate::{Control, ControlOutput};
 use arso_core::disturbance::{self, ForceObservers};
 use arso_core::encoder::{self, Encoder};
 use arso_core::limits::Limits;
@@ -128,7 +128,7 @@ impl Pd {
 }
 
 impl Control for Pd {
-    fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<Step> {
+    fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let reading = self.encoder.0.step(&mut self.encoder.1, Counts(count));
         let current = Current(applied as f32);
         let forces = self
@@ -144,7 +144,7 @@ impl Control for Pd {
             .limits
             .step(Current(command as f32))
             .ok_or_else(|| Error::Simulation("the PD law is no longer finite".into()))?;
-        Ok(Step {
+        Ok(ControlOutput {
             current: limited.current.0.into(),
             limited: limited.limited,
             reference: position,

@@ -4,8 +4,8 @@
 //! bands of 1, 1.4, 2 and 2.8 %, of the plant where that is longest.
 
 use crate::error::{Error, Result};
-use crate::metrics::settling_time;
 use crate::simulate::Run;
+use crate::simulate::metrics::settling_time;
 use argmin::core::{CostFunction, Executor};
 use argmin::solver::neldermead::NelderMead;
 
@@ -35,7 +35,7 @@ impl<F: Fn(&[f64]) -> f64> CostFunction for Problem<F> {
 /// The point with the least cost: the best of all combinations of `grid`'s values, improved.
 ///
 /// # Errors
-/// [`Error::Simulation`] when the search fails.
+/// [`Error::Comparison`] when the search fails.
 pub(super) fn search(grid: &[Vec<f64>], cost: impl Fn(&[f64]) -> f64) -> Result<Vec<f64>> {
     let mut points = vec![Vec::new()];
     for values in grid {
@@ -62,7 +62,7 @@ pub(super) fn search(grid: &[Vec<f64>], cost: impl Fn(&[f64]) -> f64) -> Result<
         corner[i] += SIMPLEX;
         simplex.push(corner);
     }
-    let failed = |error| Error::Simulation(format!("a rival cannot be tuned: {error}"));
+    let failed = |error| Error::Comparison(format!("a rival cannot be tuned: {error}"));
     let result = Executor::new(Problem(cost), NelderMead::new(simplex))
         .configure(|state| state.max_iters(ITERATIONS))
         .run()

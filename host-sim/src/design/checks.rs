@@ -3,15 +3,17 @@
 //! Each has a value, a limit, a verdict and a sentence on what to change. `warn`: works, with less
 //! margin than one would want; `refuse`: do not run this drive.
 
+mod conditions;
+
 use super::Design;
 use super::drive_loop::DriveLoop;
-use super::margins::Margins;
-use super::observer::{anchored_model, relative_motion};
+use super::paper;
+use crate::drive::SETTLING_BAND;
 use crate::error::Result;
-use crate::metrics::SETTLING_BAND;
-use crate::model::{eigenvalues, separation, spectral_radius};
-use crate::scenario::SCENARIOS;
+use crate::linear::eigen::spectral_radius;
+use crate::linear::margins::Margins;
 use arso_core::observer::Form;
+use conditions::{distinct_eigenvalues, observability, riccati_residual};
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 use serde::Serialize;
 
@@ -69,130 +71,6 @@ fn verdict(value: f64, warn_below: f64, refuse_below: f64) -> Verdict {
     } else {
         Verdict::Refuse
     }
-}
-
-/// Whether the gain solves its Riccati equation.
-fn riccati_residual(design: &Design) -> Check {
-    let (value, limit) = (design.riccati_residual, 1e-9);
-    Check {
-        name: "riccati_residual",
-        // The smaller the better.
-        verdict: verdict(limit / value, 1.0, 1e-3),
-        value,
-        limit,
-        advice: "residual of the regulator's Riccati equation relative to its solution; weights \
-                 that lie fewer decades apart make it smaller"
-            .into(),
-    }
-}
-
-/// The condition of section III, on the matrix that the chosen observer is built on.
-fn distinct_eigenvalues(design: &Design) -> Result<Check> {
-    let chain = &design.chain;
-    let limit = 1e-6;
-    let (value, advice) = match design.form() {
-        Form::Anchored => {
-            let loads = 2 * chain.loads();
-            let anchored = chain.a().view((2, 2), (loads, loads)).into_owned();
-            let value = separation(&eigenvalues(&anchored)?);
-            let advice = "the free chain has a double zero (rigid motion; a single one with viscous \
-                          friction), on which eq. (17) alone has no hold; the anchored observer \
-                          does not estimate that motion but measures it, and its own eigenvalues, \
-                          those of the loads on a held actuator, must be distinct";
-            (value, advice)
-        }
-        Form::Reaction => {
-            let advice = "eq. (17) observes the free chain, whose position as a whole makes no \
-                          reaction force (a double zero of A without viscous friction): its error \
-                          is never corrected and grows under any unmodelled force; use observer = \
-                          \"anchored\"";
-            (0.0, advice)
-        }
-    };
-    let verdict = match design.form() {
-        Form::Anchored => verdict(value, limit, 1e-12),
-        Form::Reaction => Verdict::Warn,
-    };
-    Ok(Check {
-        name: "distinct_eigenvalues",
-        verdict,
-        value,
-        limit,
-        advice: advice.into(),
-    })
-}
-
-/// Popov-Belevitch-Hautus test: smallest singular value of `[λ − A; c]` over the eigenvalues of the
-/// observer's model, positions in units of the first spring's stretch and time in units of the
-/// slowest mode, so that the figure means the same for every drive.
-fn observability(design: &Design) -> Result<Check> {
-    let chain = &design.chain;
-    let omega = design
-        .modes()
-        .first()
-        .map_or(1.0, |mode| std::f64::consts::TAU * mode.frequency_hz);
-    let stiffness = chain.stiffness[0];
-    let (a, c) = match design.form() {
-        Form::Anchored => {
-            let (a, b) = anchored_model(&design.drive, chain);
-            let n = b.len();
-            let mut c = RowDVector::zeros(n);
-            c[n - 2] = 1.0;
-            (a, c)
-        }
-        Form::Reaction => {
-            let (relative, lift) = relative_motion(chain);
-            (
-                &relative * chain.a() * &lift,
-                chain.reaction_force() * &lift,
-            )
-        }
-    };
-    let n = a.nrows();
-    let forces = if design.form() == Form::Anchored {
-        3
-    } else {
-        0
-    };
-    let unit = DVector::from_fn(n, |i, _| match i {
-        i if i >= n - forces => stiffness,
-        i if i % 2 == 1 => omega,
-        _ => 1.0,
-    });
-    let scaled = DMatrix::from_fn(n, n, |i, j| a[(i, j)] * unit[j] / unit[i] / omega);
-    let c = RowDVector::from_fn(n, |_, j| c[j] * unit[j] / stiffness);
-    let (mut value, mut worst) = (f64::INFINITY, Complex::new(0.0, 0.0));
-    for pole in eigenvalues(&scaled)? {
-        let mut pbh = DMatrix::<Complex<f64>>::zeros(n + 1, n);
-        for i in 0..n {
-            for j in 0..n {
-                let diagonal = if i == j { pole } else { Complex::new(0.0, 0.0) };
-                pbh[(i, j)] = diagonal - scaled[(i, j)];
-            }
-            pbh[(n, i)] = c[i].into();
-        }
-        let smallest = pbh.singular_values().min();
-        if smallest < value {
-            (value, worst) = (smallest, pole);
-        }
-    }
-    let limit = 1e-3;
-    let hz = worst.norm() * omega / std::f64::consts::TAU;
-    let rigid = if design.form() == Form::Reaction {
-        "; the rigid motion is not observable at all"
-    } else {
-        ""
-    };
-    Ok(Check {
-        name: "observability",
-        verdict: verdict(value, limit, 1e-9),
-        value,
-        limit,
-        advice: format!(
-            "the motion at {hz:.2} Hz is the hardest to see in the reaction force{rigid}; a stiffer \
-             first spring or a less weakly coupled load shows more of it"
-        ),
-    })
 }
 
 /// Samples in one period of the fastest mode.
@@ -287,7 +165,7 @@ fn current_step(design: &Design) -> Check {
     let stiffness: f64 = design.regulator.iter().step_by(2).sum();
     let value = 0.5 * design.drive.actuator.current_resolution / stiffness;
     // Half of the band, on the step of the experiments.
-    let step = SCENARIOS[0].target;
+    let step = paper::STEP;
     let limit = 0.5 * SETTLING_BAND * step;
     let units = design.drive.kind.units();
     Check {
@@ -437,114 +315,4 @@ fn force_noise(design: &Design) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::judgement::Judgement;
-    use super::*;
-    use crate::drive::Drive;
-
-    fn design(change: impl FnOnce(&mut Drive)) -> Design {
-        let mut drive = Drive::default_drive();
-        change(&mut drive);
-        Design::new(&drive).unwrap()
-    }
-
-    fn named(design: &Design, name: &str) -> Check {
-        let judged = Judgement::new(design).unwrap();
-        let mut checks = judged.checks.into_iter();
-        checks.find(|check| check.name == name).unwrap()
-    }
-
-    /// THEORY section 3: 0.005, 0.026, 0.104 N at 1, 5, 20 um.
-    #[test]
-    fn force_noise_is_as_computed_elsewhere() {
-        for (resolution, expected) in [(1e-6, 0.005), (5e-6, 0.026), (20e-6, 0.104)] {
-            let noise = force_noise(&design(|drive| drive.encoder.resolution = resolution));
-            assert!((noise - expected).abs() < 0.0006, "{noise} {expected}");
-        }
-    }
-
-    #[test]
-    fn the_default_drive_passes_everything() {
-        for check in Judgement::new(&design(|_| ())).unwrap().checks {
-            assert_eq!(check.verdict, Verdict::Pass, "{check:?}");
-        }
-    }
-
-    /// What the check foretells is what happens: the same plant is commissioned or not.
-    #[test]
-    fn the_brake_check_foretells_commissioning() {
-        use crate::corridor::corridor;
-        use crate::drive::PlantFile;
-        use crate::simulate::commission;
-        for (current_weight, brakes) in
-            [(1.0, true), (0.003, true), (0.001, false), (0.0003, false)]
-        {
-            let design = design(|drive| drive.cost.current = current_weight);
-            let check = named(&design, "commissioning_brake");
-            assert_eq!(check.verdict < Verdict::Refuse, brakes, "{check:?}");
-            let plant = PlantFile::from(&design.drive);
-            let mut core = corridor(&design).unwrap();
-            let commissioned = commission(core.as_mut(), &plant, 1e-3);
-            assert_eq!(commissioned.is_ok(), brakes, "{current_weight}");
-        }
-    }
-
-    /// Slow observers make a loop unstable though gain and observer are stable: what the check says is
-    /// what the core does on its own plant.
-    #[test]
-    fn the_loop_check_foretells_the_simulation() {
-        use crate::drive::PlantFile;
-        use crate::scenario::Scenario;
-        use crate::simulate::{Law, simulate};
-        for (cutoff, stable) in [(55.0, true), (48.0, false), (20.0, false)] {
-            let design = design(|drive| {
-                drive.control.disturbance_cutoff = cutoff;
-                // Rounding and limit would bound what grows slowly.
-                drive.encoder.resolution = 1e-9;
-                drive.encoder.counter_bits = 32;
-                drive.actuator.current_resolution = 0.0;
-            });
-            let check = named(&design, "closed_loop");
-            assert_eq!(check.verdict == Verdict::Pass, stable, "{check:?}");
-            let plant = PlantFile::from(&design.drive);
-            let scenario = Scenario::named("fig4").unwrap();
-            let run = simulate(&design, &plant, scenario, Law::Core, 20.0).unwrap();
-            let swing = |from: usize| {
-                let part = run.samples[from..from + 2000].iter();
-                let part = part.map(|sample| sample.truth[4]);
-                let (low, high) = part.fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(x), h.max(x)));
-                high - low
-            };
-            assert_eq!(swing(18_000) < swing(4000), stable, "{cutoff}");
-        }
-    }
-
-    #[test]
-    fn bad_drives_are_found() {
-        let coarse = design(|drive| drive.encoder.resolution = 1e-3);
-        assert_eq!(
-            named(&coarse, "encoder_force_noise").verdict,
-            Verdict::Refuse
-        );
-        let rough = design(|drive| drive.actuator.current_resolution = 0.05);
-        assert_eq!(named(&rough, "current_step").verdict, Verdict::Warn);
-        let slow = design(|drive| drive.control.sample_time = 4e-3);
-        assert_eq!(
-            named(&slow, "samples_per_fastest_mode").verdict,
-            Verdict::Warn
-        );
-        let reaction = design(|drive| drive.control.observer = Form::Reaction);
-        assert_eq!(
-            named(&reaction, "distinct_eigenvalues").verdict,
-            Verdict::Warn
-        );
-        // A last load on a spring a million times softer hardly shows at the actuator.
-        let hidden = design(|drive| {
-            drive.loads[2].stiffness = 3e-4;
-            drive.loads[2].damping = 1e-7;
-        });
-        let check = named(&hidden, "observability");
-        assert_ne!(check.verdict, Verdict::Pass, "{check:?}");
-        assert!(check.value < 0.1 * named(&design(|_| ()), "observability").value);
-    }
-}
+mod tests;

@@ -14,10 +14,15 @@
 //!
 //! Without the disturbance state its row of the transition is zero, so that it stays zero.
 
-use super::{discretise, placement, require_stable, riccati};
-use crate::drive::{Drive, ObserverDesign as Method};
+use super::require_stable;
+use crate::chain::Chain;
+use crate::chain::load::{on_moving_actuator, relative_motion};
+use crate::drive::{Drive, ObserverMethod};
 use crate::error::{Error, Result};
-use crate::model::{Chain, eigenvalues, spectral_radius};
+use crate::linear::dlqe::dlqe;
+use crate::linear::eigen::{eigenvalues, spectral_radius};
+use crate::linear::place::place;
+use crate::linear::zoh::zero_order_hold;
 use arso_core::observer::Form;
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 
@@ -57,7 +62,7 @@ pub fn design(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<Obse
     }
 }
 
-/// Steady-state Kalman gain, by duality with the regulator.
+/// Steady-state Kalman gain where the measurement noise has a density of one.
 ///
 /// * `noise`: continuous process noise covariance density over that of the measurement, n x n
 pub(crate) fn kalman(
@@ -67,21 +72,16 @@ pub(crate) fn kalman(
     noise: &DMatrix<f64>,
     sample_time: f64,
 ) -> Result<DVector<f64>> {
-    let n = a.nrows();
-    let process = discretise::cost_integral(&a.transpose(), noise, sample_time);
     // A density of one, averaged over the period.
     let measurement = 1.0 / sample_time;
-    let solution = riccati::solve(
-        &transition.transpose(),
-        &output.transpose(),
-        &process,
-        &DVector::zeros(n),
+    Ok(dlqe(
+        a,
+        transition,
+        output,
+        noise,
         measurement,
-    )?;
-    // X is the covariance before the correction.
-    let covariance = &solution.x * output.transpose();
-    let innovation = (output * &covariance).x + measurement;
-    Ok(covariance / innovation)
+        sample_time,
+    )?)
 }
 
 fn anchored(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<ObserverDesign> {
@@ -89,7 +89,7 @@ fn anchored(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<Observ
     let settings = &drive.observer;
     let (a, b) = anchored_model(drive, chain);
     let n = b.len();
-    let (mut transition, input) = discretise::zero_order_hold(&a, &b, sample_time);
+    let (mut transition, input) = zero_order_hold(&a, &b, sample_time);
     let mut output = RowDVector::zeros(n);
     output[n - 2] = 1.0;
     // The states that are estimated: the disturbance is the last.
@@ -98,7 +98,7 @@ fn anchored(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<Observ
     let (a_part, transition_part) = (part(&a), part(&transition));
     let output_part = output.columns(0, states).into_owned();
     let gain = match settings.design {
-        Method::Kalman => {
+        ObserverMethod::Kalman => {
             let mut noise = DMatrix::zeros(states, states);
             for load in 0..chain.loads() {
                 let velocity = 2 * load + 1;
@@ -110,7 +110,7 @@ fn anchored(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<Observ
             }
             kalman(&a_part, &transition_part, &output_part, &noise, sample_time)?
         }
-        Method::Poles => {
+        ObserverMethod::Poles => {
             let decay = settings.speed * regulator_decay;
             let poles = damped(&eigenvalues(&a_part)?, decay);
             let discrete: Vec<_> = poles
@@ -119,8 +119,7 @@ fn anchored(drive: &Drive, chain: &Chain, regulator_decay: f64) -> Result<Observ
                 .collect();
             // The error goes by (1 − L c) F = F − L (c F).
             let seen = &output_part * &transition_part;
-            let placed =
-                placement::place(&transition_part.transpose(), &seen.transpose(), &discrete);
+            let placed = place(&transition_part.transpose(), &seen.transpose(), &discrete);
             placed.map_err(|_| {
                 Error::Design(format!(
                     "observer.speed = {}: poles that fast cannot be placed accurately, lower it or use \
@@ -176,15 +175,10 @@ pub(super) fn anchored_model(drive: &Drive, chain: &Chain) -> (DMatrix<f64>, DVe
     let mut a = DMatrix::zeros(n, n);
     let mut b = DVector::zeros(n);
 
-    // The loads' rows of the free chain, in positions relative to the actuator: its position
-    // drops out, its velocity becomes the input.
-    let chain_a = chain.a();
+    let (a_load, b_load) = on_moving_actuator(chain);
     a.view_mut((0, 0), (2 * loads, 2 * loads))
-        .copy_from(&chain_a.view((2, 2), (2 * loads, 2 * loads)));
-    for load in 0..loads {
-        b[2 * load] = -1.0;
-        b[2 * load + 1] = chain_a[(2 * load + 3, 1)];
-    }
+        .copy_from(&a_load);
+    b.rows_mut(0, 2 * loads).copy_from(&b_load);
 
     // Reaction force −k_1 r_1 + c_1 (v_a − v_1), the viscous friction that is known, and d, through
     // both lags. In d it would be compensated, and the gain is that of a drive that has it.
@@ -202,39 +196,11 @@ pub(super) fn anchored_model(drive: &Drive, chain: &Chain) -> (DMatrix<f64>, DVe
     (a, b)
 }
 
-/// Relative motion `(x_i − x_a, v_i − v_a)` of a chain: the matrix that forms it from the state, and
-/// the one that forms a state from it with the centre of mass held still.
-///
-/// Spring forces depend on the relative motion alone, so its rows of `A` close on themselves.
-#[must_use]
-pub fn relative_motion(chain: &Chain) -> (DMatrix<f64>, DMatrix<f64>) {
-    let n = 2 * chain.loads();
-    let relative = DMatrix::from_fn(n, n + 2, |row, column| {
-        if column == row + 2 {
-            1.0
-        } else if column == row % 2 {
-            -1.0
-        } else {
-            0.0
-        }
-    });
-    let total: f64 = chain.mass.iter().sum();
-    let lift = DMatrix::from_fn(n + 2, n, |row, column| {
-        let share = if row % 2 == column % 2 {
-            -chain.mass[column / 2 + 1] / total
-        } else {
-            0.0
-        };
-        share + if row == column + 2 { 1.0 } else { 0.0 }
-    });
-    (relative, lift)
-}
-
 fn reaction(drive: &Drive, chain: &Chain) -> Result<ObserverDesign> {
     let sample_time = drive.control.sample_time;
     let loads = chain.loads();
     let a = chain.a();
-    let (transition, input) = discretise::zero_order_hold(&a, &chain.b(), sample_time);
+    let (transition, input) = zero_order_hold(&a, &chain.b(), sample_time);
 
     let (relative, lift) = relative_motion(chain);
     let a_relative = &relative * &a * &lift;

@@ -5,9 +5,10 @@
 //! apart from the rigid motion, which eq. (17) cannot observe? Nothing is claimed beyond what is
 //! computed here.
 
-use super::observer::relative_motion;
+use crate::chain::Chain;
+use crate::chain::load::relative_motion;
 use crate::error::Result;
-use crate::model::{Chain, eigenvalues};
+use crate::linear::eigen::eigenvalues;
 use nalgebra::{DMatrix, DVector, RowDVector};
 use serde::Serialize;
 
@@ -15,6 +16,9 @@ use serde::Serialize;
 pub const K: [f64; 8] = [10.03, 2.12, 6.75, 1.43, 6.55, 1.43, 6.45, 1.42];
 /// Printed observer gain, same order.
 pub const M: [f64; 8] = [0.3, 0.1, 0.3, 0.3, 0.1, 0.2, 3.0, 3.0];
+
+/// First step of the paper's experiments (Fig. 3), m.
+pub const STEP: f64 = 0.03;
 
 /// Stiffness of the grid, N/m.
 pub const STIFFNESS: [f64; 7] = [1.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0];
@@ -34,18 +38,6 @@ pub struct Point {
     pub observer: f64,
 }
 
-/// The plant of Table I with equal springs and dampers.
-#[must_use]
-pub fn chain(stiffness: f64, damping: f64) -> Chain {
-    Chain {
-        mass: vec![0.059, 0.019, 0.019, 0.019],
-        stiffness: vec![stiffness; 3],
-        damping: vec![damping; 3],
-        viscous: 0.0,
-        force_constant: 6.43,
-    }
-}
-
 /// The whole grid, row by row of stiffness.
 ///
 /// # Errors
@@ -60,7 +52,7 @@ pub fn grid() -> Result<Vec<Point>> {
     let mut points = Vec::new();
     for stiffness in STIFFNESS {
         for damping in DAMPING {
-            let chain = chain(stiffness, damping);
+            let chain = Chain::of_table_1(stiffness, damping);
             let closed = chain.a() - chain.b() * RowDVector::from_row_slice(&K);
             let (relative, lift) = relative_motion(&chain);
             let corrected = chain.a() - DVector::from_row_slice(&M) * chain.reaction_force();
@@ -124,7 +116,7 @@ mod tests {
     /// the relative motion times s².
     #[test]
     fn the_relative_motion_has_all_other_poles() {
-        let chain = chain(300.0, 0.1);
+        let chain = Chain::of_table_1(300.0, 0.1);
         let whole = chain.a() - DVector::from_row_slice(&M) * chain.reaction_force();
         let (relative, lift) = relative_motion(&chain);
         let reduced = relative * &whole * lift;

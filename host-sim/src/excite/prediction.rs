@@ -1,11 +1,12 @@
 //! What an excitation will do to the machine, as far as the drive file knows it.
 
-use super::Play;
-use crate::drive::{Drive, Friction, PlantFile};
+use super::ExcitationPlan;
+use crate::drive::{Drive, PlantFile};
 use crate::error::Result;
-use crate::plant::Plant;
+use crate::machine::Friction;
+use crate::simulate::plant::Plant;
 
-/// Largest values over the whole play, beginning at rest.
+/// Largest values over the whole excitation, beginning at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Prediction {
     /// Farthest of the actuator from where it began, m.
@@ -21,31 +22,31 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Moves the nominal machine through the play: without friction, and with the friction that the
+    /// Moves the nominal machine through the excitation: without friction, and with the friction that the
     /// drive file has, if it has any; the larger counts.
     ///
     /// Friction need not shorten the way: it decides where on its path the machine settles.
     ///
     /// # Errors
     /// When its motion is no longer finite.
-    pub(super) fn new(drive: &Drive, play: &Play) -> Result<Self> {
+    pub(super) fn new(drive: &Drive, plan: &ExcitationPlan) -> Result<Self> {
         let mut prediction = Self::default();
-        prediction.with_friction = prediction.take(&Friction::default(), drive, play)?;
+        prediction.with_friction = prediction.take(&Friction::default(), drive, plan)?;
         if drive.friction != Friction::default() {
-            prediction.with_friction = prediction.take(&drive.friction, drive, play)?;
+            prediction.with_friction = prediction.take(&drive.friction, drive, plan)?;
         }
         Ok(prediction)
     }
 
     /// Takes in what happens under some friction; the travel.
-    fn take(&mut self, friction: &Friction, drive: &Drive, play: &Play) -> Result<f64> {
+    fn take(&mut self, friction: &Friction, drive: &Drive, plan: &ExcitationPlan) -> Result<f64> {
         let machine = PlantFile {
             friction: friction.clone(),
             ..PlantFile::from(drive)
         };
-        let mut plant = Plant::new(&machine, play.sample_time);
+        let mut plant = Plant::new(&machine, plan.sample_time);
         let mut travel = 0.0_f64;
-        for current in play.currents() {
+        for current in plan.currents() {
             plant.advance(current.into())?;
             let state = plant.state();
             travel = travel.max(state[0].abs());

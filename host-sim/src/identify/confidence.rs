@@ -103,7 +103,7 @@ pub(super) fn require_determined(
                 mode.frequency_hz
             ),
             (None, Some((j, correlated))) if correlated > ALIKE => format!(
-                "it cannot be told from {other}: hold one of them (--hold {other})",
+                "it cannot be told from {other}: hold one of them (`hold` {other})",
                 other = free[j].name()
             ),
             _ => "it hardly shows in the motion: excite longer, stronger or where the modes are"

@@ -14,11 +14,12 @@ use nalgebra::DMatrix;
 const RANGE: f64 = 10.0;
 /// Standard deviation of the quantities before the log is seen: a factor of e to either side of the
 /// drive file, a tenth of the motor's force for friction. Against what a log says this weighs nothing.
-const ROUGH: f64 = 1.0;
+const QUANTITY_DEVIATION: f64 = 1.0;
 /// Standard deviation of the noise's logarithms and the origin's counts before the log is seen.
-const VAGUE: f64 = 5.0;
+const NOISE_DEVIATION: f64 = 5.0;
 /// Samples of the log that tell starts apart.
 const BEGINNING: usize = 2000;
+
 /// Where the search ended.
 pub(super) struct Estimate {
     /// The machine.
@@ -68,8 +69,8 @@ impl<'a> Residuals<'a> {
         let mut residuals = innovations.unwrap_or_else(|| vec![1e6; log.current.len()]);
         // Where the log says nothing, the drive file and the guess of the noise stand.
         let quantities = quantities.iter().zip(&self.nominal);
-        residuals.extend(quantities.map(|(x, nominal)| (x - nominal) / ROUGH));
-        residuals.extend(rest.iter().map(|x| x / VAGUE));
+        residuals.extend(quantities.map(|(x, nominal)| (x - nominal) / QUANTITY_DEVIATION));
+        residuals.extend(rest.iter().map(|x| x / NOISE_DEVIATION));
         residuals
     }
 }

@@ -16,7 +16,7 @@
 use super::least_squares::fit;
 use super::log::Log;
 use super::parameters::{Machine, Parameters, Quantity};
-use crate::model::Chain;
+use crate::chain::Chain;
 use nalgebra::Complex;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -215,14 +215,15 @@ pub(super) fn starts(parameters: &Parameters, points: &[Point], period: f64) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::Drive;
     use nalgebra::DMatrix;
 
     /// The continued fraction is the transfer function of the state-space model.
     #[test]
     fn the_continued_fraction_is_the_state_space_model() {
-        let drive = Drive::default_drive();
-        let chain = Chain::new(&drive.actuator, &drive.loads, 0.3);
+        let chain = Chain {
+            viscous: 0.3,
+            ..Chain::of_table_1(300.0, 0.1)
+        };
         for omega in [3.0, 75.0, 163.0, 400.0] {
             let s = C::new(0.0, omega);
             let matrix = DMatrix::identity(8, 8) * s - chain.a().map(C::from);

@@ -8,6 +8,7 @@
 
 use crate::drive::Drive;
 use crate::error::{Error, Result};
+use crate::machine::encoder::LEAST_COUNTS;
 use std::io::Read;
 use std::path::Path;
 
@@ -28,8 +29,6 @@ pub struct Log {
 const FEWEST: usize = 200;
 /// More rows say little more, and take minutes.
 const MOST: usize = 60_000;
-/// Counts that the actuator must travel, so that rounding does not hide its motion.
-pub const LEAST_COUNTS: f64 = 100.0;
 /// Counts by which the first period may move the actuator beyond what its current can do.
 const REST: f64 = 8.0;
 

@@ -3,13 +3,14 @@
 //! Masses, stiffnesses, dampings and the force constant are positive and vary by factors (as
 //! logarithms), friction may be zero and varies by amounts.
 
-use crate::drive::{Drive, Units};
+use crate::chain::Chain;
+use crate::drive::Drive;
 use crate::error::{Error, Result};
-use crate::model::Chain;
+use crate::machine::{Units, chain_of};
 
-/// What kind of run a log is of.
+/// Which experiment a log is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum Experiment {
     /// The whole chain, excited over all its modes.
     Excitation,
     /// The actuator alone, its load detached.
@@ -100,7 +101,7 @@ pub struct Machine {
 #[derive(Clone, Debug)]
 pub struct Parameters {
     /// What the run is of.
-    kind: Kind,
+    experiment: Experiment,
     start: Machine,
     /// All quantities of the run, and whether each is held.
     pub(super) all: Vec<(Quantity, bool)>,
@@ -112,10 +113,10 @@ impl Parameters {
     /// * `hold`: keys of quantities that are taken from the drive file as known
     ///
     /// # Errors
-    /// [`Error::Usage`] for a key that the run does not have, or when nothing fixes the scale of the
+    /// [`Error::Parameter`] for a key that the run does not have, or when nothing fixes the scale of the
     /// forces: current and encoder alone determine ratios to the force constant only.
-    pub fn new(drive: &Drive, kind: Kind, hold: &[String]) -> Result<Self> {
-        let loads = if kind == Kind::Excitation {
+    pub fn new(drive: &Drive, experiment: Experiment, hold: &[String]) -> Result<Self> {
+        let loads = if experiment == Experiment::Excitation {
             drive.loads.len()
         } else {
             0
@@ -132,10 +133,8 @@ impl Parameters {
         for key in hold {
             if !all.iter().any(|quantity| quantity.name() == *key) {
                 let names: Vec<String> = all.iter().map(|quantity| quantity.name()).collect();
-                return Err(Error::Usage(format!(
-                    "--hold {key}: must be one of {}",
-                    names.join(", ")
-                )));
+                let rule = format!("must be one of {}", names.join(", "));
+                return Err(Error::parameter("hold", key, rule));
             }
         }
         let all: Vec<(Quantity, bool)> = all
@@ -146,14 +145,16 @@ impl Parameters {
             .iter()
             .any(|(quantity, held)| *held && quantity.scales())
         {
-            return Err(Error::Usage(format!(
-                "--hold {}: must name a mass, a stiffness or the force constant, because current and \
-                 encoder determine ratios of forces only",
-                hold.join(" --hold ")
-            )));
+            return Err(Error::Parameter {
+                parameter: "hold",
+                values: hold.to_vec(),
+                rule: "must name a mass, a stiffness or the force constant, because current and \
+                       encoder determine ratios of forces only"
+                    .into(),
+            });
         }
-        let mut chain = Chain::new(&drive.actuator, &drive.loads, drive.friction.viscous);
-        if kind == Kind::Free {
+        let mut chain = chain_of(&drive.actuator, &drive.loads, drive.friction.viscous);
+        if experiment == Experiment::Free {
             chain.mass.truncate(1);
             chain.stiffness.clear();
             chain.damping.clear();
@@ -165,7 +166,7 @@ impl Parameters {
             .map_or(10.0, |mode| std::f64::consts::TAU * mode.frequency_hz);
         let force = chain.force_constant * drive.actuator.current_limit;
         Ok(Self {
-            kind,
+            experiment,
             start: Machine {
                 chain,
                 coulomb: drive.friction.coulomb,
@@ -177,8 +178,8 @@ impl Parameters {
 
     /// What the run is of.
     #[must_use]
-    pub fn kind(&self) -> Kind {
-        self.kind
+    pub fn experiment(&self) -> Experiment {
+        self.experiment
     }
 
     /// The quantities that are free.

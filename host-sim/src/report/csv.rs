@@ -3,8 +3,8 @@
 //! The columns are the same for simulation and drive log as far as both know them; the true
 //! motion stands in the `…_true` columns.
 
-use crate::drive::Units;
 use crate::error::{Error, Result};
+use crate::machine::Units;
 use crate::simulate::Run;
 
 /// The run as CSV.

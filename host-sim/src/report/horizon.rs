@@ -3,7 +3,7 @@
 
 use super::plot::{Panel, Series, panels};
 use crate::design::Design;
-use crate::design::judgement::convergence;
+use crate::design::assessment::convergence;
 use crate::error::Result;
 
 /// How long, in periods of the slowest mode, and in how many points.
@@ -14,7 +14,7 @@ const POINTS: u32 = 160;
 ///
 /// # Errors
 /// [`Error::Design`](crate::error::Error::Design) when a gain cannot be computed,
-/// [`Error::Simulation`](crate::error::Error::Simulation) when the drawing cannot be made.
+/// [`Error::Report`](crate::error::Error::Report) when the drawing cannot be made.
 pub fn plot(design: &Design) -> Result<String> {
     let times: Vec<f64> = (0..=POINTS)
         .map(|k| PERIODS * f64::from(k) / f64::from(POINTS))

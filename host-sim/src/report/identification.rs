@@ -1,14 +1,50 @@
-//! What was identified: a table, and how well the model explains the log as a plot.
+//! What was identified: a table, JSON, and how well the model explains the log as a plot.
 
 use super::plot::{Panel, Series, panels};
-use super::significant;
 use crate::drive::Drive;
 use crate::error::Result;
-use crate::identify::{Identification, Kind, model_response};
+use crate::identify::{Experiment, Identification, model_response};
+use crate::output::significant;
 use comfy_table::{Cell, CellAlignment, Table, presets};
+use serde::Serialize;
+use serde_json::json;
+use std::collections::BTreeMap;
 
 /// Points per line that a plot can show.
 const POINTS: usize = 2000;
+
+/// A quantity in JSON.
+#[derive(Clone, Debug, Serialize)]
+struct Entry {
+    /// SI.
+    value: f64,
+    /// Standard deviation.
+    std: f64,
+    /// Unit.
+    unit: &'static str,
+    /// Whether it was taken from the drive file.
+    held: bool,
+}
+
+/// Each quantity for JSON, by its key in the drive file, and the fit.
+#[must_use]
+pub fn json(drive: &Drive, identification: &Identification) -> serde_json::Value {
+    let units = drive.kind.units();
+    let entries = identification.quantities.iter().map(|identified| {
+        let entry = Entry {
+            value: identified.value,
+            std: identified.std,
+            unit: identified.quantity.unit(units),
+            held: identified.held,
+        };
+        (identified.quantity.name(), entry)
+    });
+    let entries: BTreeMap<String, Entry> = entries.collect();
+    json!({
+        "parameters": entries,
+        "fit_percent": identification.fit_percent,
+    })
+}
 
 /// Every quantity with three standard deviations, and what the drive file said.
 #[must_use]
@@ -60,8 +96,12 @@ pub fn table(drive: &Drive, identification: &Identification) -> String {
 /// Motion, innovations, their correlation and the frequency response, as SVG.
 ///
 /// # Errors
-/// [`Error::Simulation`](crate::error::Error::Simulation) when the drawing cannot be made.
-pub fn plot(drive: &Drive, identification: &Identification, kind: Kind) -> Result<String> {
+/// [`Error::Report`](crate::error::Error::Report) when the drawing cannot be made.
+pub fn plot(
+    drive: &Drive,
+    identification: &Identification,
+    experiment: Experiment,
+) -> Result<String> {
     let period = drive.control.sample_time;
     let units = drive.kind.units();
     let every = identification.fitted.len().div_ceil(POINTS).max(1);
@@ -110,7 +150,7 @@ pub fn plot(drive: &Drive, identification: &Identification, kind: Kind) -> Resul
             series: correlation,
         },
     ];
-    if kind == Kind::Excitation {
+    if experiment == Experiment::Excitation {
         let chain = &identification.machine.chain;
         let hz = |omega: f64| omega / std::f64::consts::TAU;
         let decibel = |magnitude: f64| 20.0 * magnitude.log10();

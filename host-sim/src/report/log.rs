@@ -4,8 +4,8 @@
 //! estimates and follows while its loop is closed is left blank while it is open.
 
 use crate::capture::{Capture, LogRecord};
-use crate::drive::{Kind, Units};
 use crate::error::{Error, Result};
+use crate::machine::{Kind, Units};
 use crate::report::plot::{Panel, Series, panels};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,8 +1,8 @@
 //! One plot per experiment: time history, current, and the phase portraits of the first and the
 //! second mass as the paper draws them.
 
+use crate::chain::controlled_mass;
 use crate::error::{Error, Result};
-use crate::metrics::controlled_mass;
 use crate::simulate::Run;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -25,11 +25,11 @@ type Line = Vec<(f64, f64)>;
 /// Draws the core's run with the full-state bound behind it, as SVG.
 ///
 /// # Errors
-/// [`Error::Simulation`] when the drawing cannot be made.
+/// [`Error::Report`] when the drawing cannot be made.
 pub fn plot(core: &Run, bound: &Run) -> Result<String> {
     let mut svg = String::new();
     draw(&mut svg, core, bound)
-        .map_err(|error| Error::Simulation(format!("its plot cannot be drawn: {error}")))?;
+        .map_err(|error| Error::Report(format!("its plot cannot be drawn: {error}")))?;
     Ok(svg)
 }
 
@@ -138,11 +138,11 @@ pub struct Panel<'a> {
 /// Draws panels, two in a row.
 ///
 /// # Errors
-/// [`Error::Simulation`] when the drawing cannot be made.
+/// [`Error::Report`] when the drawing cannot be made.
 pub fn panels(title: &str, content: &[Panel<'_>]) -> Result<String> {
     let mut svg = String::new();
     draw_panels(&mut svg, title, content)
-        .map_err(|error| Error::Simulation(format!("the plot cannot be drawn: {error}")))?;
+        .map_err(|error| Error::Report(format!("the plot cannot be drawn: {error}")))?;
     Ok(svg)
 }
 

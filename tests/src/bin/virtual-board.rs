@@ -10,7 +10,7 @@ use host_sim::drive::{Drive, PlantFile};
 use host_sim::error::Error;
 use host_sim::output::{print, write_file};
 use host_sim::report::time;
-use host_sim::scenario::{SCENARIOS, Scenario};
+use host_sim::simulate::scenario::{SCENARIOS, Scenario};
 use serde_json::json;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -8,9 +8,9 @@ use super::image::Image;
 use super::peripheral::encoder_timer::Phases;
 use super::rtt::Rtt;
 use host_sim::drive::{Drive, PlantFile};
-use host_sim::excite::LONGEST_PLAY;
-use host_sim::plant::Plant;
-use host_sim::scenario::{Kind, Scenario};
+use host_sim::excite::LONGEST_EXCITATION;
+use host_sim::simulate::plant::Plant;
+use host_sim::simulate::scenario::{Approach, Scenario};
 
 /// How the machine is wired to the board.
 #[derive(Clone, Copy, Debug, Default)]
@@ -267,11 +267,11 @@ impl Rig {
             }
         }
         self.periods(SETTLED)?;
-        let target = match (scenario.kind, scenario.target) {
-            (Kind::Move, _) => 3,
-            (Kind::Step, 0.03) => 1,
-            (Kind::Step, 0.015) => 2,
-            (Kind::Step, _) => 0,
+        let target = match (scenario.approach, scenario.target) {
+            (Approach::Move, _) => 3,
+            (Approach::Step, 0.03) => 1,
+            (Approach::Step, 0.015) => 2,
+            (Approach::Step, _) => 0,
         };
         self.switches(Switches::run(target));
         // The period in which the drive starts; its target comes in the next.
@@ -311,7 +311,7 @@ impl Rig {
         let mut played = Vec::new();
         while period.enabled {
             played.push(period);
-            if played.len() > LONGEST_PLAY {
+            if played.len() > LONGEST_EXCITATION {
                 return Err(Stop::NotExcited);
             }
             period = self.period()?;

@@ -1,16 +1,17 @@
-//! Everything a design is judged by, together.
+//! The assessment of a design: checks, margins and the gain over the time to go, together.
 
 use super::checks::{Check, Verdict, checks, closed_loop, peak_sensitivity};
-use super::margins::Margins;
-use super::{Design, finite_horizon};
+use super::{Design, loop_margins};
+use crate::chain::hamiltonian;
 use crate::error::Result;
-use crate::model::{eigenvalues, separation};
+use crate::linear::eigen::{eigenvalues, separation};
+use crate::linear::margins::Margins;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-/// The judgement of a design.
+/// What is to be said of a design.
 #[derive(Clone, Debug, Serialize)]
-pub struct Judgement {
+pub struct Assessment {
     /// Whether the eigenvalues of the free chain's `A` are distinct. Without viscous friction they
     /// never are: its rigid motion is a double zero. The check of the same name says what that means.
     pub distinct_eigenvalues: bool,
@@ -39,8 +40,8 @@ pub struct HorizonGain {
 const TIMES: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 const CONSTANT: f64 = 60.0;
 
-impl Judgement {
-    /// Judges a design.
+impl Assessment {
+    /// Assesses a design.
     ///
     /// # Errors
     /// [`Error::Design`](crate::error::Error::Design) when something cannot be computed.
@@ -48,14 +49,14 @@ impl Judgement {
         let mut checks = checks(design)?;
         let closed_loop = closed_loop(design)?;
         let stable = closed_loop.verdict != Verdict::Refuse;
-        let margins = stable.then(|| Margins::of_drive(design)).transpose()?;
+        let margins = stable.then(|| loop_margins::of_drive(design)).transpose()?;
         checks.push(closed_loop);
         checks.extend(margins.as_ref().map(peak_sensitivity));
         Ok(Self {
             distinct_eigenvalues: separation(&eigenvalues(&design.chain.a())?) > 1e-6,
             checks,
             margins,
-            margins_full_state: Margins::of_full_state(design)?,
+            margins_full_state: loop_margins::of_full_state(design)?,
             finite_horizon: convergence(design, &TIMES)?,
         })
     }
@@ -71,9 +72,10 @@ pub fn convergence(design: &Design, times: &[f64]) -> Result<Vec<HorizonGain>> {
     let slowest = design.modes().first().map_or(1.0, |mode| mode.frequency_hz);
     let with_constant = times.iter().chain([&CONSTANT]);
     let times: Vec<f64> = with_constant.map(|time| time / slowest).collect();
-    let cost = &design.drive.cost;
-    let terminal = DMatrix::from_diagonal(&DVector::from_column_slice(&cost.terminal));
-    let mut gains = finite_horizon::gains(&design.chain, cost, &terminal, &times)?;
+    let terminal = &design.drive.cost.terminal;
+    let terminal = DMatrix::from_diagonal(&DVector::from_column_slice(terminal));
+    let weights = (&design.index.state_weights()[..], design.index.current);
+    let mut gains = hamiltonian::gains(&design.chain, weights, &terminal, &times)?;
     let constant = gains.pop().unwrap_or_else(|| design.regulator.clone());
     let horizon = times.iter().zip(gains).map(|(time, gain)| HorizonGain {
         time_to_go: *time,

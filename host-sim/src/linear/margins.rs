@@ -1,14 +1,8 @@
-//! Margins of the loop, broken at the current command.
-//!
-//! The sampled loop from the command through plant, encoder, force observers, state observer and
-//! regulator back to the command, evaluated at `z = e^{jωT}`. The observers are fed with the
-//! command that the drive gives, as in the drive; what is varied is the current that flows in
-//! answer to it.
+//! Margins of a sampled loop from its frequency response.
 
-use super::Design;
-use super::drive_loop::DriveLoop;
-use crate::error::{Error, Result};
-use nalgebra::{Complex, DMatrix, DVector};
+use super::Result;
+use crate::error::NoSolution;
+use nalgebra::Complex;
 use serde::Serialize;
 
 /// How far the loop is from instability.
@@ -38,38 +32,16 @@ const BELOW: f64 = 2.0;
 type C = Complex<f64>;
 
 impl Margins {
-    /// Of the drive's own loop, observers included.
+    /// Of a loop `L` with negative feedback around it, `1 + L`.
+    ///
+    /// * `response`: `L` over the angular frequency, rad/s; none where it cannot be computed
+    /// * `nyquist`: half the sample rate, rad/s
+    /// * `slowest`: how slow what matters in the loop may be, rad/s
     ///
     /// # Errors
-    /// [`Error::Design`] when the response cannot be computed.
-    pub fn of_drive(design: &Design) -> Result<Self> {
-        let drive = DriveLoop::new(design);
-        Self::of(design, |z, plant| {
-            drive.response(z).map(|response| response * plant[0])
-        })
-    }
-
-    /// Of feedback of the true state with the same gain: the bound.
-    ///
-    /// # Errors
-    /// As [`Margins::of_drive`].
-    pub fn of_full_state(design: &Design) -> Result<Self> {
-        let gain = design.regulator.map(C::from);
-        Self::of(design, |_, plant| Some(-(&gain * plant).x))
-    }
-
-    /// `command`: command in answer to the plant's state, so that `L = −command`.
-    fn of(design: &Design, command: impl Fn(C, &DVector<C>) -> Option<C>) -> Result<Self> {
-        let period = design.drive.control.sample_time;
-        let nyquist = std::f64::consts::PI / period;
-        let failed = || Error::Design("the loop's frequency response cannot be computed".into());
-        let (ad, bd) = (design.ad.map(C::from), design.bd.map(C::from));
-        let response = |omega: f64| -> Option<C> {
-            let z = C::from_polar(1.0, omega * period);
-            let matrix = DMatrix::identity(bd.len(), bd.len()) * z - &ad;
-            let state = matrix.lu().solve(&bd)?;
-            command(z, &state).map(|command| -command)
-        };
+    /// [`NoSolution`] when the response cannot be computed.
+    pub fn new(response: impl Fn(f64) -> Option<C>, nyquist: f64, slowest: f64) -> Result<Self> {
+        let failed = || NoSolution("the loop's frequency response cannot be computed".into());
         let mut margins = Self {
             gain_margin_db: None,
             gain_reduction_db: None,
@@ -80,7 +52,6 @@ impl Margins {
         };
         let mut peak = 0;
         let mut last: Option<(f64, C)> = None;
-        let slowest = design.regulator_decay()?;
         let decades = DECADES.max((nyquist / slowest).log10() + BELOW);
         let points = (GRID * decades).ceil() as usize;
         let frequency = |k: usize| {
@@ -190,82 +161,4 @@ fn least(
     }
     let middle = 0.5 * (low + high);
     Some((middle, function(middle)?))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::drive::Drive;
-    use crate::model::spectral_radius;
-
-    fn design() -> Design {
-        Design::new(&Drive::default_drive()).unwrap()
-    }
-
-    /// THEORY section 4: feedback of the full state has 24 dB and 6.3 ms. Independent of the frequency
-    /// response: with six samples of delay in the loop its poles are inside the unit circle, with
-    /// seven they are not, and the margin of 6.4 ms is between.
-    #[test]
-    fn full_state_margins_are_as_computed_elsewhere() {
-        let margins = Margins::of_full_state(&design()).unwrap();
-        println!("{margins:?}");
-        assert!((margins.gain_margin_db.unwrap() - 24.0).abs() < 0.5);
-        assert!((margins.delay_margin.unwrap() - 6.3e-3).abs() < 0.2e-3);
-        let design = design();
-        for (delay, stable) in [(6, true), (7, false)] {
-            let n = design.ad.nrows();
-            let mut closed = DMatrix::zeros(n + delay, n + delay);
-            closed.view_mut((0, 0), (n, n)).copy_from(&design.ad);
-            closed.view_mut((0, n), (n, 1)).copy_from(&design.bd);
-            for i in 1..delay {
-                closed[(n + i - 1, n + i)] = 1.0;
-            }
-            closed
-                .view_mut((n + delay - 1, 0), (1, n))
-                .copy_from(&-&design.regulator);
-            assert_eq!(spectral_radius(&closed).unwrap() < 1.0, stable, "{delay}");
-        }
-    }
-
-    /// Independent of the frequency response: at the gain margin the closed loop's largest pole is
-    /// on the unit circle.
-    #[test]
-    fn the_loop_is_on_the_brink_at_its_gain_margin() {
-        let design = design();
-        let margin = Margins::of_full_state(&design)
-            .unwrap()
-            .gain_margin_db
-            .unwrap();
-        for (factor, stable) in [(0.99, true), (1.01, false)] {
-            let gain = factor * 10_f64.powf(margin / 20.0);
-            let closed = &design.ad - &design.bd * &design.regulator * gain;
-            assert_eq!(spectral_radius(&closed).unwrap() < 1.0, stable);
-        }
-    }
-
-    /// The drive itself in simulation: its motor's force scaled to just below the gain margin the
-    /// loop settles, just above it does not.
-    #[test]
-    fn the_simulated_drive_agrees_with_its_gain_margin() {
-        use crate::drive::PlantFile;
-        use crate::scenario::Scenario;
-        use crate::simulate::{Law, simulate};
-        let design = design();
-        let margins = Margins::of_drive(&design).unwrap();
-        println!("{margins:?}");
-        let margin = margins.gain_margin_db.unwrap();
-        let swing = |factor: f64| {
-            let mut plant = PlantFile::from(&design.drive);
-            plant.actuator.force_constant *= factor * 10_f64.powf(margin / 20.0);
-            let scenario = Scenario::named("fig4").unwrap();
-            let run = simulate(&design, &plant, scenario, Law::Core, 3.0).unwrap();
-            let end = run.samples[2500..].iter().map(|sample| sample.truth[0]);
-            let (low, high) = end.fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(x), h.max(x)));
-            high - low
-        };
-        let (below, above) = (swing(0.93), swing(1.07));
-        println!("{below:e} {above:e}");
-        assert!(below < 100e-6, "{below}");
-        assert!(above > 1e-3, "{above}");
-    }
 }

@@ -1,12 +1,13 @@
 //! The experiments: where the drive starts and where it is sent.
 
-use crate::drive;
-use crate::model::Chain;
+use crate::chain::Chain;
+use crate::design::paper;
+use crate::machine::Kind;
 use nalgebra::DVector;
 
 /// How the drive is sent to its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum Approach {
     /// The reference steps, as in the paper.
     Step,
     /// Jerk-limited move with feed-forward.
@@ -32,7 +33,7 @@ pub struct Scenario {
     /// What it shows, for a linear drive.
     pub linear_title: &'static str,
     /// How the drive is sent.
-    pub kind: Kind,
+    pub approach: Approach,
     /// Where to, m.
     pub target: f64,
     /// Where it starts.
@@ -44,35 +45,35 @@ pub const SCENARIOS: [Scenario; 5] = [
     Scenario {
         name: "fig3",
         linear_title: "second mass to a reference, 30 mm",
-        kind: Kind::Step,
-        target: 0.03,
+        approach: Approach::Step,
+        target: paper::STEP,
         start: Start::Origin,
     },
     Scenario {
         name: "fig4",
         linear_title: "second mass to a reference, 15 mm",
-        kind: Kind::Step,
+        approach: Approach::Step,
         target: 0.015,
         start: Start::Origin,
     },
     Scenario {
         name: "fig5",
         linear_title: "to the origin, last mass pulled by 6 mm",
-        kind: Kind::Step,
+        approach: Approach::Step,
         target: 0.0,
         start: Start::PulledAtLast(0.006),
     },
     Scenario {
         name: "fig6",
         linear_title: "to the origin, first mass pulled by -4 mm",
-        kind: Kind::Step,
+        approach: Approach::Step,
         target: 0.0,
         start: Start::PulledAtFirst(-0.004),
     },
     Scenario {
         name: "move",
         linear_title: "jerk-limited move of 30 mm",
-        kind: Kind::Move,
+        approach: Approach::Move,
         target: 0.03,
         start: Start::Origin,
     },
@@ -80,7 +81,7 @@ pub const SCENARIOS: [Scenario; 5] = [
 
 /// The paper's experiments.
 #[must_use]
-pub fn paper() -> &'static [Scenario] {
+pub fn of_the_paper() -> &'static [Scenario] {
     &SCENARIOS[..4]
 }
 
@@ -93,7 +94,7 @@ impl Scenario {
 
     /// What it shows, in the units of a kind of drive.
     #[must_use]
-    pub fn title(&self, kind: drive::Kind) -> String {
+    pub fn title(&self, kind: Kind) -> String {
         self.linear_title.replace("mm", kind.units().milli_position)
     }
 
@@ -121,12 +122,10 @@ impl Scenario {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::Drive;
 
     #[test]
     fn pulled_chains_have_equal_spring_forces() {
-        let drive = Drive::default_drive();
-        let chain = Chain::new(&drive.actuator, &drive.loads, 0.0);
+        let chain = Chain::of_table_1(300.0, 0.1);
         let state = |name: &str| Scenario::named(name).unwrap().initial_state(&chain);
         let expected = [0.0, 0.0, 0.002, 0.0, 0.004, 0.0, 0.006, 0.0];
         assert!((state("fig5") - DVector::from_row_slice(&expected)).amax() < 1e-15);

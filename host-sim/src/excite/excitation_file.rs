@@ -1,8 +1,7 @@
-//! The excitation as files: Rust source for the firmware, and CSV.
+//! The excitation as Rust source for the firmware.
 
-use super::Play;
+use super::ExcitationPlan;
 use crate::drive::Drive;
-use crate::report::time;
 use std::fmt::Write;
 
 /// Entries of the table on a line of the source.
@@ -10,9 +9,9 @@ const PER_LINE: usize = 16;
 
 /// `firmware/src/excitation.rs`, complete. `origin` says where the drive was described.
 #[must_use]
-pub fn source(play: &Play, drive: &Drive, origin: &str) -> String {
+pub fn excitation_file(plan: &ExcitationPlan, drive: &Drive, origin: &str) -> String {
     let position = drive.kind.units().position;
-    let [from, to] = play.band();
+    let [from, to] = plan.band();
     let mut text = String::new();
     // Writing to a string cannot fail.
     let _ = write!(
@@ -35,15 +34,15 @@ pub fn source(play: &Play, drive: &Drive, origin: &str) -> String {
          {I}repetitions: {},\n\
          {I}travel: {:?}, // {position}\n\
          {I}profile: &[\n",
-        play.signal.name(),
-        play.peak(),
-        play.prediction.travel,
-        play.sample_time as f32,
-        play.unit as f32,
-        play.repetitions,
-        play.travel as f32,
+        plan.signal.name(),
+        plan.peak(),
+        plan.prediction.travel,
+        plan.sample_time as f32,
+        plan.unit as f32,
+        plan.repetitions,
+        plan.travel as f32,
     );
-    for line in play.table.chunks(PER_LINE) {
+    for line in plan.table.chunks(PER_LINE) {
         let entries: Vec<String> = line.iter().map(i16::to_string).collect();
         let _ = writeln!(text, "{I}{I}{},", entries.join(", "));
     }
@@ -53,16 +52,3 @@ pub fn source(play: &Play, drive: &Drive, origin: &str) -> String {
 
 /// One level of indentation.
 const I: &str = "    ";
-
-/// One row per control period of the whole play; the current is held from the row's time to the
-/// next.
-#[must_use]
-pub fn csv(play: &Play) -> String {
-    let mut text = String::from("time[s],current[A]\n");
-    for (k, current) in play.currents().enumerate() {
-        // Whole microseconds, as everywhere.
-        let time = time(k as f64 * play.sample_time);
-        let _ = writeln!(text, "{time},{current}");
-    }
-    text
-}

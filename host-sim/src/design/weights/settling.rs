@@ -12,10 +12,12 @@
 //! controlled mass into the band of 2 % in the time asked for. The drive's own loop, with its
 //! observers, takes a little longer; `host-sim compare` shows both.
 
-use super::{discretise, lqr};
-use crate::drive::Cost;
-use crate::metrics::{SETTLING_BAND, controlled_mass};
-use crate::model::Chain;
+use super::PerformanceIndex;
+use crate::chain::{Chain, controlled_mass};
+use crate::design::regulator::regulator;
+use crate::drive::SETTLING_BAND;
+use crate::linear::dlqr::Regulator;
+use crate::linear::zoh::zero_order_hold;
 use nalgebra::{DVector, RowDVector};
 
 /// Ratio between one bandwidth tried and the next.
@@ -55,17 +57,16 @@ pub fn weights(
     let mut fastest = f64::INFINITY;
     while omega <= last {
         let q = current * (omega * omega * total / chain.force_constant).powi(2) / masses as f64;
-        let cost = Cost {
+        let index = PerformanceIndex {
             current,
             position: vec![q; masses],
             velocity: vec![q / (omega * omega); masses],
-            terminal: Vec::new(),
         };
         // Far from the request some members have no gain; the search goes on.
-        if let Ok((gain, _)) = lqr::regulator(chain, &cost, sample_time) {
+        if let Ok(Regulator { gain, .. }) = regulator(chain, &index, sample_time) {
             let settled = settles(chain, &gain, sample_time, settling_time);
             if settled <= settling_time {
-                return Ok((cost.position, cost.velocity));
+                return Ok((index.position, index.velocity));
             }
             fastest = fastest.min(settled);
         }
@@ -84,7 +85,7 @@ pub fn weights(
 /// When the controlled mass enters the band around a step's target for good, s; infinite when not
 /// within the horizon. Where the time asked for is many control periods, every so many are looked at.
 fn settles(chain: &Chain, gain: &RowDVector<f64>, sample_time: f64, settling_time: f64) -> f64 {
-    let (f, g) = discretise::zero_order_hold(&chain.a(), &chain.b(), sample_time);
+    let (f, g) = zero_order_hold(&chain.a(), &chain.b(), sample_time);
     let every = (settling_time / sample_time / INSTANTS).floor().max(1.0);
     let closed = (f - g * gain).pow(every as u32);
     let interval = every * sample_time;
@@ -114,29 +115,23 @@ fn settles(chain: &Chain, gain: &RowDVector<f64>, sample_time: f64, settling_tim
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::Drive;
 
     /// A very stiff chain is rigid: its weights give the gains of the double integrator in closed
     /// form, `√(Q/R)` and `√(2 M √(Q/R) / k_f + Q_v / R)`, up to the sampling.
     #[test]
     fn a_stiff_chain_gets_the_gains_of_a_rigid_drive() {
-        let mut chain = Chain::new(
-            &Drive::default_drive().actuator,
-            &Drive::default_drive().loads,
-            0.0,
-        );
+        let mut chain = Chain::of_table_1(300.0, 0.1);
         for spring in &mut chain.stiffness {
             *spring = 1e6;
         }
         let period = 2e-5;
         let (position, velocity) = weights(&chain, 1.0, period, 0.2).unwrap();
-        let cost = Cost {
+        let index = PerformanceIndex {
             current: 1.0,
             position: position.clone(),
             velocity: velocity.clone(),
-            terminal: Vec::new(),
         };
-        let (gain, _) = lqr::regulator(&chain, &cost, period).unwrap();
+        let Regulator { gain, .. } = regulator(&chain, &index, period).unwrap();
         let (q, q_v): (f64, f64) = (position.iter().sum(), velocity.iter().sum());
         let (stiffness, damping): (f64, f64) = (
             gain.iter().step_by(2).sum(),
@@ -153,8 +148,7 @@ mod tests {
 
     #[test]
     fn faster_than_the_samples_is_refused() {
-        let drive = Drive::default_drive();
-        let chain = Chain::new(&drive.actuator, &drive.loads, 0.0);
+        let chain = Chain::of_table_1(300.0, 0.1);
         let error = weights(&chain, 1.0, 1e-3, 0.003).unwrap_err();
         assert!(error.contains("the fastest found settles in"), "{error}");
     }

@@ -1,20 +1,15 @@
 //! The simulated plant: what is really there.
 //!
-//! The chain is advanced exactly, the current held over the whole control period as an amplifier does:
-//! in one step where nothing changes within the period, in twenty where an external force begins or
-//! acts or the actuator may stick. Coulomb friction acts on the actuator and is resolved within each of
-//! the twenty: the friction force is the one that would bring the actuator to a stop in this step, as
-//! far as the Coulomb limit reaches (a time-stepping scheme after Moreau), so that sticking needs no
-//! threshold velocity. The encoder rounds to whole counts and wraps.
+//! A machine in [`Motion`] under the held current, the forces from outside and friction, behind an
+//! amplifier that keeps its own limit; the encoder rounds to whole counts and wraps.
 
-use crate::design::discretise::zero_order_hold;
-use crate::drive::{ExternalForce, PlantFile};
+use crate::chain::Chain;
+use crate::drive::PlantFile;
 use crate::error::{Error, Result};
-use crate::model::Chain;
-use nalgebra::{DMatrix, DVector};
-
-/// Steps per control period in which something changes.
-pub const SUBSTEPS: u32 = 20;
+use crate::linear::zoh::zero_order_hold;
+use crate::machine::motion::PARTS;
+use crate::machine::{ExternalForce, Motion, chain_of};
+use nalgebra::DVector;
 
 /// A plant in motion.
 #[derive(Clone, Debug)]
@@ -23,17 +18,12 @@ pub struct Plant {
     current_limit: f64,
     resolution: f64,
     counter_mask: u32,
-    coulomb: f64,
-    forces: Vec<ExternalForce>,
-    substep: f64,
-    transition: DMatrix<f64>,
-    /// Response over one substep to 1 N on each mass.
-    force_response: Vec<DVector<f64>>,
-    /// The same over the whole period, the response being that of the actuator.
-    period_transition: DMatrix<f64>,
-    period_response: DVector<f64>,
-    state: DVector<f64>,
-    substeps: u64,
+    /// Each with the response over one part of a period to 1 N of it.
+    forces: Vec<(ExternalForce, DVector<f64>)>,
+    part: f64,
+    motion: Motion,
+    /// Parts of periods that have passed.
+    parts: u64,
 }
 
 impl Plant {
@@ -42,26 +32,21 @@ impl Plant {
     /// * `period`: of the control, s
     #[must_use]
     pub fn new(file: &PlantFile, period: f64) -> Self {
-        let chain = Chain::new(&file.actuator, &file.loads, file.friction.viscous);
-        let substep = period / f64::from(SUBSTEPS);
+        let chain = chain_of(&file.actuator, &file.loads, file.friction.viscous);
+        let part = period / f64::from(PARTS);
         let a = chain.a();
-        let response = |mass| zero_order_hold(&a, &chain.force_input(mass), substep);
-        let force_response = (0..chain.mass.len()).map(|mass| response(mass).1).collect();
-        let (period_transition, period_response) =
-            zero_order_hold(&a, &chain.force_input(0), period);
+        let forces = file.forces.iter().map(|force| {
+            let (_, response) = zero_order_hold(&a, &chain.force_input(force.mass), part);
+            (force.clone(), response)
+        });
         Self {
             current_limit: file.actuator.current_limit,
             resolution: file.encoder.resolution,
             counter_mask: u32::MAX >> (32 - file.encoder.counter_bits),
-            coulomb: file.friction.coulomb,
-            forces: file.forces.clone(),
-            substep,
-            transition: response(0).0,
-            force_response,
-            period_transition,
-            period_response,
-            state: DVector::zeros(chain.states()),
-            substeps: 0,
+            forces: forces.collect(),
+            part,
+            motion: Motion::new(&chain, file.friction.coulomb, period),
+            parts: 0,
             chain,
         }
     }
@@ -75,24 +60,24 @@ impl Plant {
     /// State `x_a v_a x_1 v_1 …`, m and m/s.
     #[must_use]
     pub fn state(&self) -> &DVector<f64> {
-        &self.state
+        self.motion.state()
     }
 
     /// Puts the plant into a state.
     pub fn set_state(&mut self, state: DVector<f64>) {
-        self.state = state;
+        *self.motion.state_mut() = state;
     }
 
     /// Encoder counter as the hardware would show it.
     #[must_use]
     pub fn count(&self) -> u32 {
-        (self.state[0] / self.resolution).round() as i64 as u32 & self.counter_mask
+        (self.state()[0] / self.resolution).round() as i64 as u32 & self.counter_mask
     }
 
     /// Force between actuator and load, positive when the load holds the actuator back, N.
     #[must_use]
     pub fn reaction_force(&self) -> f64 {
-        (self.chain.reaction_force() * &self.state).x
+        (self.chain.reaction_force() * self.state()).x
     }
 
     /// One control period under a held current, A. The amplifier keeps its own limit.
@@ -102,14 +87,29 @@ impl Plant {
     pub fn advance(&mut self, current: f64) -> Result<()> {
         let current = current.clamp(-self.current_limit, self.current_limit);
         let motor = current * self.chain.force_constant;
-        match self.whole_period(motor) {
-            Some(next) => {
-                self.state = next;
-                self.substeps += u64::from(SUBSTEPS);
-            }
-            None => self.in_substeps(motor),
+        let begin = self.parts as f64 * self.part;
+        let end = begin + f64::from(PARTS) * self.part;
+        let acts = |force: &ExternalForce| {
+            force.newton != 0.0 && force.start < end && begin < force.start + force.duration
+        };
+        if self.forces.iter().any(|(force, _)| acts(force)) {
+            let (forces, parts, length) = (&self.forces, self.parts, self.part);
+            self.motion.in_parts(motor, |part, state| {
+                let begin = (parts + u64::from(part)) as f64 * length;
+                for (force, response) in forces {
+                    // The mean over the part, so that no force loses its momentum.
+                    let until = (force.start + force.duration).min(begin + length);
+                    let share = (until - force.start.max(begin)) / length;
+                    if share > 0.0 {
+                        state.axpy(share * force.newton, response, 1.0);
+                    }
+                }
+            });
+        } else {
+            self.motion.advance(motor);
         }
-        if self.state.iter().all(|x| x.is_finite()) {
+        self.parts += u64::from(PARTS);
+        if self.state().iter().all(|x| x.is_finite()) {
             Ok(())
         } else {
             Err(Error::Simulation(
@@ -117,55 +117,13 @@ impl Plant {
             ))
         }
     }
-
-    /// The state after a period in which nothing changes: no external force acts, and the actuator is
-    /// too fast for its direction to change, because its velocity is larger than its change.
-    fn whole_period(&self, motor: f64) -> Option<DVector<f64>> {
-        let begin = self.substeps as f64 * self.substep;
-        let end = begin + f64::from(SUBSTEPS) * self.substep;
-        let acts = |force: &ExternalForce| {
-            force.newton != 0.0 && force.start < end && begin < force.start + force.duration
-        };
-        if self.forces.iter().any(acts) {
-            return None;
-        }
-        let before = self.state[1];
-        let force = motor - self.coulomb * before.signum();
-        let mut next = &self.period_transition * &self.state;
-        next.axpy(force, &self.period_response, 1.0);
-        let change = (next[1] - before).abs();
-        (self.coulomb == 0.0 || change < before.abs().min(next[1].abs())).then_some(next)
-    }
-
-    fn in_substeps(&mut self, motor: f64) {
-        for _ in 0..SUBSTEPS {
-            let begin = self.substeps as f64 * self.substep;
-            let mut next = &self.transition * &self.state;
-            next.axpy(motor, &self.force_response[0], 1.0);
-            for force in &self.forces {
-                // The mean over the step, so that no force loses its momentum.
-                let until = (force.start + force.duration).min(begin + self.substep);
-                let share = (until - force.start.max(begin)) / self.substep;
-                if share > 0.0 {
-                    let newton = share * force.newton;
-                    next.axpy(newton, &self.force_response[force.mass], 1.0);
-                }
-            }
-            if self.coulomb > 0.0 {
-                let stopping = -next[1] / self.force_response[0][1];
-                let friction = stopping.clamp(-self.coulomb, self.coulomb);
-                next.axpy(friction, &self.force_response[0], 1.0);
-            }
-            self.state = next;
-            self.substeps += 1;
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::{Drive, Friction};
+    use crate::drive::Drive;
+    use crate::machine::Friction;
 
     fn plant(change: impl FnOnce(&mut PlantFile)) -> Plant {
         let mut file = PlantFile::from(&Drive::default_drive());
@@ -178,7 +136,7 @@ mod tests {
         let weighted = mass
             .iter()
             .enumerate()
-            .map(|(i, m)| m * plant.state[2 * i + element]);
+            .map(|(i, m)| m * plant.state()[2 * i + element]);
         weighted.sum::<f64>() / mass.iter().sum::<f64>()
     }
 
@@ -230,7 +188,7 @@ mod tests {
         for _ in 0..100 {
             plant.advance(0.4 / 6.43).unwrap();
         }
-        assert_eq!(plant.state[0], 0.0);
+        assert_eq!(plant.state()[0], 0.0);
         for _ in 0..100 {
             plant.advance(1.5 / 6.43).unwrap();
         }
@@ -240,7 +198,7 @@ mod tests {
             "{velocity}"
         );
         let mut stopped_after = 0;
-        while plant.state[1] != 0.0 && stopped_after < 1000 {
+        while plant.state()[1] != 0.0 && stopped_after < 1000 {
             plant.advance(0.0).unwrap();
             stopped_after += 1;
         }
@@ -259,10 +217,10 @@ mod tests {
         let mut in_steps = at_once.clone();
         for _ in 0..100 {
             at_once.advance(1.0).unwrap();
-            in_steps.in_substeps(6.43);
+            in_steps.motion.in_parts(6.43, |_, _| ());
         }
         assert!((at_once.state() - in_steps.state()).amax() < 1e-11);
-        assert!(at_once.state()[1] > 0.1 && at_once.whole_period(6.43).is_some());
+        assert!(at_once.state()[1] > 0.1 && at_once.motion.at_once(6.43));
     }
 
     /// Energy of the free undriven chain never grows, and viscous friction takes the momentum
@@ -280,7 +238,7 @@ mod tests {
             plant.advance(0.0).unwrap();
         }
         let expected = (-0.5 * 0.2 / 0.078_f64).exp();
-        assert!((plant.state[1] / expected - 1.0).abs() < 1e-3);
+        assert!((plant.state()[1] / expected - 1.0).abs() < 1e-3);
     }
 
     #[test]
@@ -296,6 +254,6 @@ mod tests {
         let (mut asked, mut limited) = (self::plant(|_| {}), self::plant(|_| {}));
         asked.advance(50.0).unwrap();
         limited.advance(2.0).unwrap();
-        assert_eq!(asked.state, limited.state);
+        assert_eq!(asked.state(), limited.state());
     }
 }

@@ -1,4 +1,5 @@
-//! From continuous to sampled, exactly.
+//! From continuous to sampled, exactly: zero-order hold, and the integral of a quadratic cost over a
+//! period (Van Loan).
 
 use nalgebra::{DMatrix, DVector};
 

@@ -4,8 +4,9 @@
 //! poles `Λ` (Bhattacharyya and de Souza, Systems & Control Letters 1, 1982). For one input the gain is
 //! unique and any `g` without zeros gives it; each column of `X` is one solve.
 
-use crate::error::{Error, Result};
-use crate::model::eigenvalues;
+use super::Result;
+use super::eigen::eigenvalues;
+use crate::error::NoSolution;
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Largest distance of a pole that was asked for from one that the gain gives.
@@ -14,12 +15,12 @@ const ACCURACY: f64 = 1e-7;
 /// Gain `k` with which `A − b k` has the given poles, n of them, closed under conjugation.
 ///
 /// # Errors
-/// [`Error::Design`] when the poles cannot be placed, or not accurately: a pole that `b` cannot move,
+/// [`NoSolution`] when the poles cannot be placed, or not accurately: a pole that `b` cannot move,
 /// one that is asked for twice, or one that `A` has already; and
 /// where many poles must move far, so that rounding moves them as well.
 pub fn place(a: &DMatrix<f64>, b: &DVector<f64>, poles: &[Complex<f64>]) -> Result<DVector<f64>> {
     let n = b.len();
-    let failed = || Error::Design("the poles cannot be placed accurately".into());
+    let failed = || NoSolution("the poles cannot be placed accurately".into());
     let (a_complex, b_complex) = (a.map(Complex::from), b.map(Complex::from));
     let mut vectors = DMatrix::<Complex<f64>>::zeros(n, n);
     let mut weights = DVector::<Complex<f64>>::zeros(n);

@@ -1,7 +1,7 @@
 //! The gains as Rust source: `firmware/src/gains.rs`.
 
 use super::Design;
-use crate::drive::Units;
+use crate::machine::Units;
 use arso_core::Gains;
 use arso_core::observer::Form;
 use std::fmt::Write;

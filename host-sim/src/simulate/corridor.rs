@@ -4,7 +4,7 @@
 //! is instantiated once and hidden behind [`Corridor`]. What runs is the core of the firmware,
 //! `f32` and all.
 
-use crate::design::{Design, source};
+use crate::design::{Design, gains_file};
 use crate::drive::MAX_LOADS;
 use arso_core::observer::Form;
 use arso_core::{Command, Controller, GainsError, Measurement, Request, State, Telemetry};
@@ -103,6 +103,6 @@ pub fn corridor(design: &Design) -> Result<Box<dyn Corridor>, GainsError> {
 /// The gains file for the firmware; `origin` says where the drive was described.
 #[must_use]
 pub fn gains_source(design: &Design, origin: &str) -> String {
-    use source::source;
+    use gains_file::source;
     with_sizes!(design, source(design, origin))
 }

@@ -1,11 +1,9 @@
 //! What a run is judged by.
 
+use crate::chain::controlled_mass;
+use crate::drive::SETTLING_BAND;
 use crate::simulate::Run;
 use serde::Serialize;
-
-/// Half width of the band around the target in which a mass counts as settled, over the span of
-/// the motion.
-pub const SETTLING_BAND: f64 = 0.02;
 
 /// A mass that enters the band in the last part of the run, this share of it, may well leave it again
 /// and does not count as settled.
@@ -35,12 +33,6 @@ pub struct Metrics {
     pub fault: Option<u8>,
     /// When it did, s.
     pub fault_time: Option<f64>,
-}
-
-/// The mass that the paper controls, the second; the first where there is no other.
-#[must_use]
-pub fn controlled_mass(loads: usize) -> usize {
-    loads.min(2)
 }
 
 /// Column of the controlled mass's position, its target and the span of its motion, m.
@@ -131,7 +123,7 @@ impl Metrics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::Scenario;
+    use crate::simulate::scenario::Scenario;
     use crate::simulate::{Law, Sample};
     use nalgebra::DVector;
 
@@ -157,7 +149,7 @@ mod tests {
             }
         });
         let run = Run {
-            kind: crate::drive::Kind::Linear,
+            kind: crate::machine::Kind::Linear,
             scenario: *Scenario::named("fig3").unwrap(),
             law: Law::FullState,
             samples: samples.collect(),

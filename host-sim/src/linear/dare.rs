@@ -5,7 +5,8 @@
 //! its iterates symmetric and positive; it needs linear solves only, and poles next to the unit
 //! circle (lightly damped chains) merely cost a few more doublings.
 
-use crate::error::{Error, Result};
+use super::Result;
+use crate::error::NoSolution;
 use nalgebra::{DMatrix, DVector, RowDVector};
 
 /// The stabilising solution and the feedback that goes with it.
@@ -19,10 +20,11 @@ pub struct Solution {
     pub residual: f64,
 }
 
-/// What a stretch of time does to a quadratic cost-to-go: with `P` at its end, at its beginning the cost
-/// is that of `H + Aᵀ P (I + G P)⁻¹ A`. `G` and `H` are symmetric and not negative.
+/// The triple `(A, G, H)` that doubling iterates: what an interval of time does to a quadratic
+/// cost-to-go. With `P` at its end, at its beginning the cost is that of `H + Aᵀ P (I + G P)⁻¹ A`. `G` and
+/// `H` are symmetric and not negative.
 #[derive(Clone, Debug)]
-pub struct Stretch {
+pub struct DoublingTriple {
     /// `A`.
     pub a: DMatrix<f64>,
     /// `G`.
@@ -31,7 +33,7 @@ pub struct Stretch {
     pub h: DMatrix<f64>,
 }
 
-impl Stretch {
+impl DoublingTriple {
     /// Twice the time, and what it adds to `H`; none when a linear solve fails.
     #[must_use]
     pub fn doubled(&self) -> Option<(Self, DMatrix<f64>)> {
@@ -65,7 +67,7 @@ fn symmetric(matrix: &DMatrix<f64>) -> DMatrix<f64> {
 /// * `a`: n x n, `b`: n x 1, `q`: n x n symmetric, `n`: n x 1 cross weight, `r` > 0
 ///
 /// # Errors
-/// [`Error::Design`] when the iteration does not converge to a finite solution.
+/// [`NoSolution`] when the iteration does not converge to a finite solution.
 pub fn solve(
     a: &DMatrix<f64>,
     b: &DVector<f64>,
@@ -73,23 +75,23 @@ pub fn solve(
     n: &DVector<f64>,
     r: f64,
 ) -> Result<Solution> {
-    let failed = |what: &str| Error::Design(format!("a Riccati equation has no solution: {what}"));
+    let failed = |what: &str| NoSolution(format!("a Riccati equation has no solution: {what}"));
     // Completing the square removes the cross weight.
-    let mut stretch = Stretch {
+    let mut triple = DoublingTriple {
         a: a - b * n.transpose() / r,
         g: b * b.transpose() / r,
         h: q - n * n.transpose() / r,
     };
     let mut converged = false;
     for _ in 0..100 {
-        let (twice, grown) = stretch
+        let (twice, grown) = triple
             .doubled()
             .ok_or_else(|| failed("a step is singular"))?;
-        stretch = twice;
-        if !stretch.h.amax().is_finite() || !stretch.g.amax().is_finite() {
+        triple = twice;
+        if !triple.h.amax().is_finite() || !triple.g.amax().is_finite() {
             return Err(failed("it cannot be stabilised"));
         }
-        if grown.amax() <= 1e-15 * stretch.h.amax() {
+        if grown.amax() <= 1e-15 * triple.h.amax() {
             converged = true;
             break;
         }
@@ -98,7 +100,7 @@ pub fn solve(
         return Err(failed("the iteration does not converge"));
     }
 
-    let h = stretch.h;
+    let h = triple.h;
     let weight = r + (b.transpose() * &h * b).x;
     let gain = (b.transpose() * &h * a + n.transpose()) / weight;
     let back = a.transpose() * &h * a - gain.transpose() * &gain * weight + q;

@@ -1,0 +1,133 @@
+//! The conditions that the paper sets: a gain that solves its equation, distinct eigenvalues, and a load
+//! whose motion shows in the reaction force (section III).
+
+use super::{Check, Design, Verdict, verdict};
+use crate::chain::load::{on_moving_actuator, relative_motion};
+use crate::design::observer::anchored_model;
+use crate::error::Result;
+use crate::linear::eigen::{eigenvalues, separation};
+use arso_core::observer::Form;
+use nalgebra::{Complex, DMatrix, DVector, RowDVector};
+
+/// Whether the gain solves its Riccati equation.
+pub(super) fn riccati_residual(design: &Design) -> Check {
+    let (value, limit) = (design.riccati_residual, 1e-9);
+    Check {
+        name: "riccati_residual",
+        // The smaller the better.
+        verdict: verdict(limit / value, 1.0, 1e-3),
+        value,
+        limit,
+        advice: "residual of the regulator's Riccati equation relative to its solution; weights \
+                 that lie fewer decades apart make it smaller"
+            .into(),
+    }
+}
+
+/// The condition of section III, on the matrix that the chosen observer is built on.
+pub(super) fn distinct_eigenvalues(design: &Design) -> Result<Check> {
+    let chain = &design.chain;
+    let limit = 1e-6;
+    let (value, advice) = match design.form() {
+        Form::Anchored => {
+            let (anchored, _) = on_moving_actuator(chain);
+            let value = separation(&eigenvalues(&anchored)?);
+            let advice = "the free chain has a double zero (rigid motion; a single one with viscous \
+                          friction), on which eq. (17) alone has no hold; the anchored observer \
+                          does not estimate that motion but measures it, and its own eigenvalues, \
+                          those of the loads on a held actuator, must be distinct";
+            (value, advice)
+        }
+        Form::Reaction => {
+            let advice = "eq. (17) observes the free chain, whose position as a whole makes no \
+                          reaction force (a double zero of A without viscous friction): its error \
+                          is never corrected and grows under any unmodelled force; use observer = \
+                          \"anchored\"";
+            (0.0, advice)
+        }
+    };
+    let verdict = match design.form() {
+        Form::Anchored => verdict(value, limit, 1e-12),
+        Form::Reaction => Verdict::Warn,
+    };
+    Ok(Check {
+        name: "distinct_eigenvalues",
+        verdict,
+        value,
+        limit,
+        advice: advice.into(),
+    })
+}
+
+/// Popov-Belevitch-Hautus test: smallest singular value of `[λ − A; c]` over the eigenvalues of the
+/// observer's model, positions in units of the first spring's stretch and time in units of the
+/// slowest mode, so that the figure means the same for every drive.
+pub(super) fn observability(design: &Design) -> Result<Check> {
+    let chain = &design.chain;
+    let omega = design
+        .modes()
+        .first()
+        .map_or(1.0, |mode| std::f64::consts::TAU * mode.frequency_hz);
+    let stiffness = chain.stiffness[0];
+    let (a, c) = match design.form() {
+        Form::Anchored => {
+            let (a, b) = anchored_model(&design.drive, chain);
+            let n = b.len();
+            let mut c = RowDVector::zeros(n);
+            c[n - 2] = 1.0;
+            (a, c)
+        }
+        Form::Reaction => {
+            let (relative, lift) = relative_motion(chain);
+            (
+                &relative * chain.a() * &lift,
+                chain.reaction_force() * &lift,
+            )
+        }
+    };
+    let n = a.nrows();
+    let forces = if design.form() == Form::Anchored {
+        3
+    } else {
+        0
+    };
+    let unit = DVector::from_fn(n, |i, _| match i {
+        i if i >= n - forces => stiffness,
+        i if i % 2 == 1 => omega,
+        _ => 1.0,
+    });
+    let scaled = DMatrix::from_fn(n, n, |i, j| a[(i, j)] * unit[j] / unit[i] / omega);
+    let c = RowDVector::from_fn(n, |_, j| c[j] * unit[j] / stiffness);
+    let (mut value, mut worst) = (f64::INFINITY, Complex::new(0.0, 0.0));
+    for pole in eigenvalues(&scaled)? {
+        let mut pbh = DMatrix::<Complex<f64>>::zeros(n + 1, n);
+        for i in 0..n {
+            for j in 0..n {
+                let diagonal = if i == j { pole } else { Complex::new(0.0, 0.0) };
+                pbh[(i, j)] = diagonal - scaled[(i, j)];
+            }
+            pbh[(n, i)] = c[i].into();
+        }
+        let smallest = pbh.singular_values().min();
+        if smallest < value {
+            (value, worst) = (smallest, pole);
+        }
+    }
+    let limit = 1e-3;
+    let hz = worst.norm() * omega / std::f64::consts::TAU;
+    let rigid = if design.form() == Form::Reaction {
+        "; the rigid motion is not observable at all"
+    } else {
+        ""
+    };
+    Ok(Check {
+        name: "observability",
+        verdict: verdict(value, limit, 1e-9),
+        value,
+        limit,
+        advice: format!(
+            "the motion at {hz:.2} Hz is the hardest to see in the reaction force{rigid}; a stiffer \
+             first spring or a less weakly coupled load shows more of it"
+        ),
+    })
+}

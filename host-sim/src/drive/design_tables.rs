@@ -1,0 +1,170 @@
+//! The tables that say what is wanted of a drive: sampling, observer, cost, limits of a move.
+
+use super::document::{Document, SMALLEST};
+use super::schema::{Number, RawControl, RawCost, RawMotion, RawObserver};
+use super::{Control, Cost, MoveLimits, ObserverMethod, ObserverSettings, Weights};
+use crate::error::Result;
+use arso_core::observer::Form;
+use toml::Spanned;
+
+impl Document<'_> {
+    pub(super) fn control(&self, raw: &RawControl) -> Result<Control> {
+        let value = *raw.sample_time.get_ref();
+        let ok = (1e-6..=1.0).contains(&value);
+        let sample_time = self.checked(
+            "control.sample_time",
+            &raw.sample_time,
+            ok,
+            "from 1e-6 to 1 s",
+        )?;
+        let nyquist = std::f64::consts::PI / sample_time;
+        let cutoff = |key: &str, value: &Number| {
+            let ok = (SMALLEST..nyquist).contains(value.get_ref());
+            let allowed = format!("above 0 and below pi / sample_time = {nyquist:.4} rad/s");
+            self.checked(key, value, ok, &allowed)
+        };
+        let observer = self.one_of(
+            "control.observer",
+            &raw.observer,
+            &[("anchored", Form::Anchored), ("reaction", Form::Reaction)],
+        )?;
+        Ok(Control {
+            sample_time,
+            disturbance_cutoff: cutoff("control.disturbance_cutoff", &raw.disturbance_cutoff)?,
+            reaction_force_cutoff: cutoff(
+                "control.reaction_force_cutoff",
+                &raw.reaction_force_cutoff,
+            )?,
+            observer,
+        })
+    }
+
+    /// How the observer is designed; what the file leaves out is the default.
+    pub(super) fn observer(
+        &self,
+        raw: Option<&RawObserver>,
+        control: &Control,
+    ) -> Result<ObserverSettings> {
+        let mut settings = ObserverSettings::default();
+        let Some(raw) = raw else { return Ok(settings) };
+        if let Some(design) = &raw.design {
+            let words = [
+                ("kalman", ObserverMethod::Kalman),
+                ("poles", ObserverMethod::Poles),
+            ];
+            settings.design = self.one_of("observer.design", design, &words)?;
+            if settings.design == ObserverMethod::Poles && control.observer == Form::Reaction {
+                let message = "observer.design = \"poles\": must be \"kalman\" for \
+                               control.observer = \"reaction\", whose rigid motion cannot be placed";
+                return Err(self.error(Some(design.span()), message.into()));
+            }
+        }
+        settings.disturbance = raw.disturbance.unwrap_or(settings.disturbance);
+        if let Some(speed) = &raw.speed {
+            let ok = (1.0..=100.0).contains(speed.get_ref());
+            settings.speed = self.checked("observer.speed", speed, ok, "from 1 to 100")?;
+        }
+        if let Some(ratio) = &raw.load_force_ratio {
+            settings.load_force_ratio = self.positive("observer.load_force_ratio", ratio, "")?;
+        }
+        if let Some(rate) = &raw.disturbance_rate {
+            settings.disturbance_rate = self.positive("observer.disturbance_rate", rate, "1/s")?;
+        }
+        Ok(settings)
+    }
+
+    /// The weights, however they are stated.
+    ///
+    /// * `loads`: number of load masses
+    pub(super) fn cost(&self, raw: &Spanned<RawCost>, loads: usize) -> Result<Cost> {
+        let cost = raw.get_ref();
+        let units = self.units();
+        let (per_position, per_velocity) = (units.position_weight, units.velocity_weight);
+        let current = self.positive("cost.current", &cost.current, "1/A^2")?;
+        let stated = (
+            &cost.position,
+            &cost.velocity,
+            &cost.energy,
+            &cost.settling_time,
+        );
+        let weights = match stated {
+            (Some(position), Some(velocity), None, None) => Weights::Given {
+                position: self.weights("cost.position", position, loads, per_position, true)?,
+                velocity: self.weights("cost.velocity", velocity, loads, per_velocity, false)?,
+            },
+            (None, None, Some(energy), None) => {
+                Weights::Energy(self.positive("cost.energy", energy, "(1 / J)")?)
+            }
+            (None, None, None, Some(time)) => Weights::SettlingTime {
+                seconds: self.positive("cost.settling_time", time, "s")?,
+                place: self.place(Some(time.span())),
+            },
+            _ => {
+                let message = "[cost] must have either both position and velocity, or energy \
+                               alone, or settling_time alone";
+                return Err(self.error(Some(raw.span()), message.into()));
+            }
+        };
+        let terminal = |key: &str, value: &Option<Spanned<Vec<Number>>>, unit: &str| match value {
+            None => Ok(vec![0.0; loads + 1]),
+            Some(value) => self.weights(key, value, loads, unit, false),
+        };
+        let terminal = terminal(
+            "cost.terminal_position",
+            &cost.terminal_position,
+            &format!("s {per_position}"),
+        )?
+        .into_iter()
+        .zip(terminal(
+            "cost.terminal_velocity",
+            &cost.terminal_velocity,
+            &format!("s {per_velocity}"),
+        )?);
+        Ok(Cost {
+            current,
+            weights,
+            terminal: terminal.flat_map(|(x, v)| [x, v]).collect(),
+        })
+    }
+
+    fn weights(
+        &self,
+        key: &str,
+        raw: &Spanned<Vec<Number>>,
+        loads: usize,
+        unit: &str,
+        needed: bool,
+    ) -> Result<Vec<f64>> {
+        let entries = raw.get_ref();
+        if entries.len() != loads + 1 {
+            let message = format!(
+                "{key} has {} entries: must have {}, one per mass, actuator first",
+                entries.len(),
+                loads + 1
+            );
+            return Err(self.error(Some(raw.span()), message));
+        }
+        let weights = entries.iter().enumerate();
+        let weights = weights
+            .map(|(i, value)| self.not_negative(&format!("{key}[{i}]"), Some(value), unit))
+            .collect::<Result<Vec<_>>>()?;
+        if needed && weights.iter().all(|weight| *weight == 0.0) {
+            let message = format!("{key}: one entry at least must be greater than zero");
+            return Err(self.error(Some(raw.span()), message));
+        }
+        Ok(weights)
+    }
+
+    pub(super) fn move_limits(&self, raw: &RawMotion) -> Result<MoveLimits> {
+        let units = self.units();
+        Ok(MoveLimits {
+            velocity: self.positive("move.velocity", &raw.velocity, units.velocity)?,
+            acceleration: self.positive(
+                "move.acceleration",
+                &raw.acceleration,
+                units.acceleration,
+            )?,
+            jerk: self.positive("move.jerk", &raw.jerk, units.jerk)?,
+        })
+    }
+}

@@ -1,0 +1,137 @@
+//! The tables that say what a machine is made of: actuator, encoder, loads, friction, forces.
+
+use super::MAX_LOADS;
+use super::document::{Document, LARGEST, SMALLEST};
+use super::schema::{Number, RawActuator, RawEncoder, RawFile, RawForce, RawFriction};
+use crate::error::Result;
+use crate::machine::{Actuator, Encoder, ExternalForce, Friction, Load};
+use toml::Spanned;
+
+impl Document<'_> {
+    pub(super) fn actuator(&self, raw: &RawActuator) -> Result<Actuator> {
+        let units = self.units();
+        let mass = self.positive("actuator.mass", &raw.mass, units.mass)?;
+        let force_constant = self.positive(
+            "actuator.force_constant",
+            &raw.force_constant,
+            units.force_constant,
+        )?;
+        let current_limit = self.positive("actuator.current_limit", &raw.current_limit, "A")?;
+        let current_resolution = match &raw.current_resolution {
+            None => 0.0,
+            Some(value) => {
+                let number = *value.get_ref();
+                let ok = number == 0.0 || (SMALLEST..=current_limit).contains(&number);
+                let allowed = format!(
+                    "0 (continuous) or from {SMALLEST:e} A to the current limit of {current_limit} A"
+                );
+                self.checked("actuator.current_resolution", value, ok, &allowed)?
+            }
+        };
+        Ok(Actuator {
+            mass_deviation: self.deviation(
+                "actuator.mass_deviation",
+                raw.mass_deviation.as_ref(),
+                mass,
+                units.mass,
+            )?,
+            force_constant_deviation: self.deviation(
+                "actuator.force_constant_deviation",
+                raw.force_constant_deviation.as_ref(),
+                force_constant,
+                units.force_constant,
+            )?,
+            mass,
+            force_constant,
+            current_limit,
+            current_resolution,
+        })
+    }
+
+    pub(super) fn encoder(&self, raw: &RawEncoder) -> Result<Encoder> {
+        let resolution = self.positive(
+            "encoder.resolution",
+            &raw.resolution,
+            &format!("{} per count", self.units().position),
+        )?;
+        let counter_bits = match raw.counter_bits.get_ref() {
+            16 => 16,
+            32 => 32,
+            other => {
+                let message = format!("encoder.counter_bits = {other}: must be 16 or 32");
+                return Err(self.error(Some(raw.counter_bits.span()), message));
+            }
+        };
+        Ok(Encoder {
+            resolution,
+            counter_bits,
+        })
+    }
+
+    pub(super) fn loads(&self, raw: &RawFile) -> Result<Vec<Load>> {
+        let count = raw.load.len();
+        if !(1..=MAX_LOADS).contains(&count) {
+            let span = raw.load.get(MAX_LOADS).map(Spanned::span);
+            let message = format!("{count} [[load]] tables: must be 1 to {MAX_LOADS}");
+            return Err(self.error(span, message));
+        }
+        let units = self.units();
+        let loads = raw.load.iter().enumerate();
+        loads
+            .map(|(i, load)| {
+                let load = load.get_ref();
+                let key = |name: &str| format!("load[{}].{name}", i + 1);
+                Ok(Load {
+                    mass: self.positive(&key("mass"), &load.mass, units.mass)?,
+                    stiffness: self.positive(
+                        &key("stiffness"),
+                        &load.stiffness,
+                        units.stiffness,
+                    )?,
+                    damping: self.positive(&key("damping"), &load.damping, units.damping)?,
+                })
+            })
+            .collect()
+    }
+
+    /// Friction on the actuator; none where the file has no table.
+    pub(super) fn friction(&self, raw: Option<&RawFriction>) -> Result<Friction> {
+        let Some(raw) = raw else {
+            return Ok(Friction::default());
+        };
+        let units = self.units();
+        let value =
+            |key: &str, value: &Option<Number>, unit| self.not_negative(key, value.as_ref(), unit);
+        Ok(Friction {
+            coulomb: value("friction.coulomb", &raw.coulomb, units.force)?,
+            viscous: value("friction.viscous", &raw.viscous, units.damping)?,
+        })
+    }
+
+    pub(super) fn force(
+        &self,
+        number: usize,
+        raw: &RawForce,
+        loads: usize,
+    ) -> Result<ExternalForce> {
+        let key = |name: &str| format!("force[{number}].{name}");
+        let mass = *raw.mass.get_ref();
+        let Some(mass) = usize::try_from(mass).ok().filter(|mass| *mass <= loads) else {
+            let message = format!("{} = {mass}: must be 0 (actuator) to {loads}", key("mass"));
+            return Err(self.error(Some(raw.mass.span()), message));
+        };
+        let newton = *raw.newton.get_ref();
+        let ok = newton.abs() <= LARGEST;
+        Ok(ExternalForce {
+            mass,
+            start: self.not_negative(&key("start"), Some(&raw.start), "s")?,
+            duration: self.not_negative(&key("duration"), Some(&raw.duration), "s")?,
+            newton: self.checked(
+                &key("newton"),
+                &raw.newton,
+                ok,
+                &format!("within {LARGEST:e} {}", self.units().force),
+            )?,
+        })
+    }
+}

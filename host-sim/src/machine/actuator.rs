@@ -1,0 +1,32 @@
+//! The actuator: its mass, its force constant and what its amplifier can do.
+
+/// Actuator and its amplifier.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Actuator {
+    /// `m_an`, kg.
+    pub mass: f64,
+    /// `k_fn`, N/A.
+    pub force_constant: f64,
+    /// Identified deviation `Δm`, kg.
+    pub mass_deviation: f64,
+    /// Identified deviation `Δk_f`, N/A.
+    pub force_constant_deviation: f64,
+    /// A.
+    pub current_limit: f64,
+    /// Step of the current output, A; zero for a continuous one.
+    pub current_resolution: f64,
+}
+
+impl Actuator {
+    /// `m_an + Δm`, kg.
+    #[must_use]
+    pub fn actual_mass(&self) -> f64 {
+        self.mass + self.mass_deviation
+    }
+
+    /// `k_fn + Δk_f`, N/A.
+    #[must_use]
+    pub fn actual_force_constant(&self) -> f64 {
+        self.force_constant + self.force_constant_deviation
+    }
+}

@@ -1,0 +1,106 @@
+//! The drive beside its rivals: a table of all laws on all plants, what they were tuned to, and JSON.
+
+use crate::chain::controlled_mass;
+use crate::compare::{Outcome, Row, Tuning, duration};
+use crate::design::Design;
+use crate::machine::Units;
+use comfy_table::{Table, presets};
+use serde_json::json;
+
+/// Every law's figures for JSON.
+#[must_use]
+pub fn json(design: &Design, rows: &[Row]) -> serde_json::Value {
+    json!({ "kind": design.drive.kind, "laws": rows })
+}
+
+/// What is compared, the table, and what the rivals were tuned to.
+#[must_use]
+pub fn text(design: &Design, rows: &[Row]) -> String {
+    let units = design.drive.kind.units();
+    let mass = controlled_mass(design.loads());
+    format!(
+        "Step of 30 {}, runs of {:.2} s. Each cell: settling time of mass {mass} to 2 % [ms] / \
+         overshoot [%] / residual vibration [{} p-p].\n\n{}\n\n{}",
+        units.milli_position,
+        duration(design),
+        units.micro_position,
+        table(rows, mass),
+        tunings(rows, units),
+    )
+}
+
+fn table(rows: &[Row], mass: usize) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN);
+    let cases = rows.first().into_iter().flat_map(|row| &row.outcomes);
+    table.set_header(
+        std::iter::once("law".to_owned()).chain(cases.map(|outcome| outcome.case.clone())),
+    );
+    for row in rows {
+        let cells = row.outcomes.iter().map(|outcome| cell(outcome, mass));
+        table.add_row(std::iter::once(row.law.to_owned()).chain(cells));
+    }
+    table
+}
+
+fn cell(outcome: &Outcome, mass: usize) -> String {
+    let Some(metrics) = &outcome.metrics else {
+        return "failed".into();
+    };
+    if let Some(fault) = metrics.fault {
+        return format!("fault {fault}");
+    }
+    let Some(settled) = metrics.settling_time else {
+        return format!("not settled / {:.1}", metrics.overshoot);
+    };
+    let residual = metrics.residual_vibration.as_ref();
+    let residual = residual.and_then(|masses| masses.get(mass));
+    format!(
+        "{:.0} / {:.1} / {}",
+        1e3 * settled,
+        metrics.overshoot,
+        residual.map_or("-".into(), |x| format!("{:.0}", 1e6 * x))
+    )
+}
+
+/// What the rivals were tuned to, a line each, and why a law failed.
+fn tunings(rows: &[Row], units: &Units) -> String {
+    let mut text = String::new();
+    for row in rows {
+        match &row.tuning {
+            Tuning::Design => {}
+            Tuning::Pd(pd) => {
+                text += &format!(
+                    "{}: {:.2} {}, {:.3} {}",
+                    row.law,
+                    pd.position_gain,
+                    units.position_gain,
+                    pd.velocity_gain,
+                    units.velocity_gain
+                );
+                if row.law != "PD" {
+                    text += &format!(
+                        ", ramps of {:.1} ms, shaper for {:.2} Hz and damping ratio {:.2}",
+                        1e3 * pd.ramp,
+                        pd.frequency / std::f64::consts::TAU,
+                        pd.damping
+                    );
+                }
+                text += "\n";
+            }
+            Tuning::Encoder(filter) => {
+                let force = units.force;
+                text += &format!(
+                    "{}: {:.2e} {force}/sqrt(Hz) on each load, disturbance {:.2e} {force}/sqrt(s)\n",
+                    row.law, filter.load_force, filter.disturbance
+                );
+            }
+        }
+        for outcome in &row.outcomes {
+            if let Some(failure) = &outcome.failure {
+                text += &format!("{}, {}: {failure}\n", row.law, outcome.case);
+            }
+        }
+    }
+    text
+}

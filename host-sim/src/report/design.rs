@@ -1,0 +1,194 @@
+//! A design and its assessment, as tables and JSON.
+
+use super::table::{right, table};
+use crate::design::Design;
+use crate::design::assessment::Assessment;
+use crate::design::checks::Verdict;
+use crate::error::Result;
+use arso_core::observer::Form;
+use comfy_table::Cell;
+use nalgebra::{Complex, DMatrix};
+use serde_json::json;
+use std::fmt::Write;
+
+/// The name of an observer as drive files have it.
+#[must_use]
+pub fn observer_name(form: Form) -> &'static str {
+    match form {
+        Form::Anchored => "anchored",
+        Form::Reaction => "reaction",
+    }
+}
+
+/// Model and gains.
+///
+/// # Errors
+/// [`Error::Design`](crate::error::Error::Design) when poles cannot be computed.
+pub fn tables(design: &Design) -> Result<String> {
+    let mut text = String::new();
+    let mut modes = table(&[
+        "mode",
+        "frequency [Hz]",
+        "damping ratio [%]",
+        "shape x_a x_1 ...",
+    ]);
+    for (number, mode) in design.modes().iter().enumerate() {
+        let shape = mode.shape.iter().map(|amplitude| format!("{amplitude:.2}"));
+        modes.add_row([
+            right((number + 1).to_string()),
+            right(format!("{:.3}", mode.frequency_hz)),
+            right(format!("{:.2}", 100.0 * mode.damping_ratio)),
+            right(shape.collect::<Vec<_>>().join("  ")),
+        ]);
+    }
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "{modes}");
+
+    let units = design.drive.kind.units();
+    let mut gains = table(&[
+        "mass",
+        &format!("position gain [{}]", units.position_gain),
+        &format!("velocity gain [{}]", units.velocity_gain),
+    ]);
+    for mass in 0..=design.loads() {
+        let name = if mass == 0 {
+            "actuator".into()
+        } else {
+            format!("load {mass}")
+        };
+        gains.add_row([
+            Cell::new(name),
+            right(format!("{:.4}", design.regulator[2 * mass])),
+            right(format!("{:.4}", design.regulator[2 * mass + 1])),
+        ]);
+    }
+    let _ = writeln!(text, "{gains}");
+
+    let slowest = |poles: Vec<nalgebra::Complex<f64>>| {
+        let radius = poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
+        if radius < 1.0 - 1e-9 {
+            format!(
+                "{:.1} ms",
+                1e3 * design.drive.control.sample_time / -radius.ln()
+            )
+        } else {
+            "none (errors of the rigid motion stay)".into()
+        }
+    };
+    let _ = writeln!(
+        text,
+        "slowest time constant: regulator {}, {} observer {}",
+        slowest(design.regulator_poles()?),
+        observer_name(design.form()),
+        slowest(design.observer_poles()?),
+    );
+    Ok(text)
+}
+
+/// Checks, margins and the gain over the time to go.
+#[must_use]
+pub fn assessment(assessment: &Assessment) -> String {
+    let mut text = String::new();
+    let mut checks = table(&["check", "verdict", "value", "limit"]);
+    for check in &assessment.checks {
+        let verdict = match check.verdict {
+            Verdict::Pass => "pass",
+            Verdict::Warn => "WARN",
+            Verdict::Refuse => "REFUSE",
+        };
+        checks.add_row([
+            Cell::new(check.name),
+            Cell::new(verdict),
+            right(format!("{:.4e}", check.value)),
+            right(format!("{:.4e}", check.limit)),
+        ]);
+    }
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "{checks}");
+    for check in &assessment.checks {
+        let _ = writeln!(text, "{}: {}", check.name, check.advice);
+    }
+
+    let mut margins = table(&[
+        "margins",
+        "gain [dB]",
+        "phase [deg]",
+        "delay [ms]",
+        "peak sensitivity",
+    ]);
+    for (name, m) in [
+        ("drive", assessment.margins.as_ref()),
+        ("full state", Some(&assessment.margins_full_state)),
+    ] {
+        let Some(m) = m else {
+            margins.add_row([name, "not stable"]);
+            continue;
+        };
+        let shown = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.1}"));
+        margins.add_row([
+            Cell::new(name),
+            right(match m.gain_reduction_db {
+                Some(reduction) => format!("{reduction:.1} to +{}", shown(m.gain_margin_db)),
+                None => shown(m.gain_margin_db),
+            }),
+            right(shown(m.phase_margin_deg)),
+            right(shown(m.delay_margin.map(|delay| 1e3 * delay))),
+            right(format!(
+                "{:.2} at {:.1} Hz",
+                m.peak_sensitivity, m.peak_sensitivity_hz
+            )),
+        ]);
+    }
+    let _ = writeln!(text, "{margins}");
+
+    let mut horizon = table(&[
+        "time to go [ms]",
+        "distance of K(t), eq. (14), from the gain it tends to",
+    ]);
+    for gain in &assessment.finite_horizon {
+        horizon.add_row([
+            right(format!("{:.1}", 1e3 * gain.time_to_go)),
+            right(format!("{:.2e}", gain.distance)),
+        ]);
+    }
+    let _ = writeln!(text, "{horizon}");
+    text
+}
+
+/// Everything about a design for JSON, SI units.
+///
+/// # Errors
+/// [`Error::Design`](crate::error::Error::Design) when poles cannot be computed.
+pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Value> {
+    let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
+        matrix
+            .row_iter()
+            .map(|row| row.iter().copied().collect())
+            .collect()
+    };
+    let poles = |poles: Vec<Complex<f64>>| -> Vec<[f64; 2]> {
+        poles.iter().map(|pole| [pole.re, pole.im]).collect()
+    };
+    let observer = &design.observer;
+    Ok(json!({
+        "kind": design.drive.kind,
+        "a": rows(&design.chain.a()),
+        "b": design.chain.b().as_slice(),
+        "ad": rows(&design.ad),
+        "bd": design.bd.as_slice(),
+        "k": design.regulator.as_slice(),
+        "regulator_poles": poles(design.regulator_poles()?),
+        "observer": observer_name(design.form()),
+        "observer_transition": rows(&observer.transition),
+        "observer_input": observer.input.as_slice(),
+        "observer_output": observer.output.as_slice(),
+        "observer_gain": observer.correction.as_slice(),
+        "observer_poles": poles(design.observer_poles()?),
+        "modes": design.modes(),
+        "distinct_eigenvalues": assessment.distinct_eigenvalues,
+        "checks": assessment.checks,
+        "margins": assessment.margins,
+        "margins_full_state": assessment.margins_full_state,
+        "finite_horizon": assessment.finite_horizon,
+    }))
+}

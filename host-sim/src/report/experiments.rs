@@ -1,0 +1,88 @@
+//! Experiments in closed loop, as a table and JSON.
+
+use super::design::observer_name;
+use super::table::{right, table};
+use crate::chain::controlled_mass;
+use crate::design::Design;
+use crate::simulate::metrics::Metrics;
+use crate::simulate::{Law, Run};
+use comfy_table::Cell;
+use serde_json::json;
+
+/// Name of a control law in tables.
+#[must_use]
+pub fn law_name(law: Law, design: &Design) -> &'static str {
+    match law {
+        Law::Core => observer_name(design.form()),
+        Law::FullState => "full state",
+        Law::Rival(name) => name,
+    }
+}
+
+/// The experiments' figures, one row per run.
+#[must_use]
+pub fn table_of(design: &Design, runs: &[(Run, Metrics)]) -> String {
+    let mass = controlled_mass(design.loads());
+    let micro = design.drive.kind.units().micro_position;
+    let settling = format!("settling mass {mass} [ms]");
+    let residual = format!("residual [{micro} p-p]");
+    let error = format!("estimate error [{micro} rms]");
+    let mut table = table(&[
+        "experiment",
+        "control",
+        &settling,
+        "overshoot [%]",
+        &residual,
+        "peak [A]",
+        &error,
+    ]);
+    let micrometres = |values: &Option<Vec<f64>>| {
+        let list = values
+            .iter()
+            .flatten()
+            .map(|value| format!("{:.1}", value * 1e6));
+        let list = list.collect::<Vec<_>>().join("  ");
+        if list.is_empty() { "-".into() } else { list }
+    };
+    for (run, metrics) in runs {
+        let settling = match (metrics.fault, metrics.settling_time) {
+            (Some(fault), _) => format!("fault {fault}"),
+            (None, Some(time)) => format!("{:.0}", time * 1e3),
+            (None, None) => "not settled".into(),
+        };
+        table.add_row([
+            Cell::new(run.scenario.name),
+            Cell::new(law_name(run.law, design)),
+            right(settling),
+            right(format!("{:.1}", metrics.overshoot)),
+            right(micrometres(&metrics.residual_vibration)),
+            right(format!("{:.2}", metrics.peak_current)),
+            right(micrometres(&metrics.estimation_error)),
+        ]);
+    }
+    let titles = runs
+        .iter()
+        .filter(|(run, _)| run.law == Law::Core)
+        .map(|(run, _)| format!("{}: {}\n", run.scenario.name, run.scenario.title(run.kind)));
+    format!(
+        "{}\n{table}\n\
+         Settling: within 2 % of the motion for good. Residual vibration: from 0.5 s on. Lists: \
+         actuator first.\n",
+        titles.collect::<String>()
+    )
+}
+
+/// The experiments' figures for JSON, and the files that hold every step.
+#[must_use]
+pub fn json(design: &Design, runs: &[(Run, Metrics)], files: &[String]) -> serde_json::Value {
+    let experiments = runs.iter().map(|(run, metrics)| {
+        json!({
+            "scenario": run.scenario.name,
+            "law": run.law,
+            "observer": (run.law == Law::Core).then(|| observer_name(design.form())),
+            "metrics": metrics,
+        })
+    });
+    let experiments: Vec<_> = experiments.collect();
+    json!({ "experiments": experiments, "files": files })
+}
