@@ -19,7 +19,7 @@
 //! | [`controller`] | the corridor: [`Controller::step`] | |
 //! | [`mode`], [`link`] | what the drive does; what is asked of it, and its answers | |
 //! | [`fault`], `protection` | the faults, and what watches for them | |
-//! | [`direction_check`] | a small motion that proves the signs | |
+//! | `direction_check` | a small motion that proves the signs | |
 //! | [`excitation`] | a current played in open loop, for identification | |
 //! | [`settings`] | all that the core knows of a drive, plain data | |
 //! | [`telemetry`] | one record per period | |

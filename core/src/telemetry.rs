@@ -113,6 +113,30 @@ impl<const N: usize> Telemetry<[f32; N]> {
     }
 }
 
+impl<L> Telemetry<L> {
+    /// The same record with its loads in another container.
+    #[must_use]
+    pub fn map<M>(&self, loads: impl Fn(&L) -> M) -> Telemetry<M> {
+        Telemetry {
+            period: self.period,
+            mode: self.mode,
+            count: self.count,
+            applied_current: self.applied_current,
+            command: self.command,
+            limited: self.limited,
+            reference: self.reference,
+            position: self.position,
+            velocity: self.velocity,
+            load_position: loads(&self.load_position),
+            load_velocity: loads(&self.load_velocity),
+            reaction_force: self.reaction_force,
+            disturbance: self.disturbance,
+            disturbance_state: self.disturbance_state,
+            cycles: self.cycles,
+        }
+    }
+}
+
 impl<L: AsRef<[f32]>> Telemetry<L> {
     /// Everything but number and mode of the period, in the order of the files.
     pub fn columns(&self) -> impl Iterator<Item = Column> {

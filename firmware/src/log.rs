@@ -42,7 +42,9 @@ impl Log {
             defmt::debug!("record {=[u8]}", bytes);
         }
         if let Some(expected) = self.expected {
-            self.lost = self.lost.saturating_add(record.period.wrapping_sub(expected));
+            self.lost = self
+                .lost
+                .saturating_add(record.period.wrapping_sub(expected));
         }
         self.expected = Some(record.period.wrapping_add(1));
         // Nothing is estimated in any other state.

@@ -4,42 +4,32 @@
 //! bytes --frames between zeros--> defmt-decoder (with the ELF) --text--> record | message
 //! ```
 //!
-//! A frame that does not decode is counted and skipped; the next zero byte is a new beginning. Gaps
-//! in the step numbers are counted as lost records. Memory is bounded by what is kept: the records.
+//! A record is `record [b, b, …]`, the telemetry as the drive serialised it, and is read with the very
+//! type that wrote it. A frame that does not decode is counted and skipped; the next zero byte is a new
+//! beginning. Gaps in the numbers of the control periods are counted as lost records. Memory is bounded
+//! by what is kept: the records.
 
 use crate::error::{Error, Result};
+use crate::simulate::corridor::Record;
 use defmt_decoder::{DecodeError, Table};
-use std::collections::BTreeMap;
 use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Longer frames are no frames of ours.
 const LONGEST_FRAME: usize = 4096;
 
-/// One control step as logged: every field of the drive's telemetry by name.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LogRecord {
-    /// Number of the control step.
-    pub step: u32,
-    /// State of the drive.
-    pub state: String,
-    /// Numbers by name, SI units; `load_position` becomes `load1_position` and so on, truth values
-    /// become 0 and 1.
-    pub values: BTreeMap<String, f64>,
-}
-
 /// A log as far as it could be read.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Capture {
-    /// Control steps.
-    pub records: Vec<LogRecord>,
+    /// Control periods.
+    pub records: Vec<Record>,
     /// Everything else, with its level.
     pub messages: Vec<String>,
     /// Bytes read.
     pub bytes: u64,
     /// Frames or lines that could not be decoded.
     pub malformed: u64,
-    /// Control steps that are missing between the first and the last.
+    /// Control periods that are missing between the first and the last.
     pub lost: u64,
 }
 
@@ -48,7 +38,7 @@ impl Capture {
         if let Some(record) = parse_record(text) {
             if let Some(last) = self.records.last() {
                 // A drive that was reset starts again at small numbers.
-                let gap = record.step.wrapping_sub(last.step).wrapping_sub(1);
+                let gap = record.period.wrapping_sub(last.period).wrapping_sub(1);
                 if gap < u32::MAX / 2 {
                     self.lost += u64::from(gap);
                 }
@@ -63,7 +53,7 @@ impl Capture {
 /// Reads a raw defmt stream to its end.
 ///
 /// * `elf`: the very firmware that logged
-/// * `message`: called with everything that is no control step, as it comes
+/// * `message`: called with everything that is no record, as it comes
 ///
 /// # Errors
 /// [`Error::Input`] when the ELF has no log table or nothing in the stream fits it;
@@ -184,7 +174,7 @@ pub fn read_text(stream: impl Read, mut message: impl FnMut(&str)) -> Result<Cap
         capture.bytes += length as u64;
         let line = String::from_utf8_lossy(&line);
         let messages = capture.messages.len();
-        let broken = line.contains("Telemetry {") && parse_record(&line).is_none();
+        let broken = line.contains(RECORD) && parse_record(&line).is_none();
         if broken {
             capture.malformed += 1;
         } else {
@@ -196,104 +186,86 @@ pub fn read_text(stream: impl Read, mut message: impl FnMut(&str)) -> Result<Cap
     }
 }
 
-/// Takes a record out of a line: `Telemetry { name: value, … }`, values being numbers, words or
-/// lists of numbers.
-fn parse_record(text: &str) -> Option<LogRecord> {
-    let body = text.split_once("Telemetry {")?.1;
-    let body = body.rsplit_once('}')?.0;
-    let mut record = LogRecord {
-        step: 0,
-        state: String::new(),
-        values: BTreeMap::new(),
-    };
-    let (mut step, mut depth, mut start) = (None, 0_i32, 0);
-    let fields = body
-        .char_indices()
-        .chain([(body.len(), ',')])
-        .filter_map(|(at, c)| {
-            match c {
-                '[' | '(' | '{' => depth += 1,
-                ']' | ')' | '}' => depth -= 1,
-                ',' if depth == 0 => {
-                    let field = body.get(start..at);
-                    start = at + 1;
-                    return field;
-                }
-                _ => {}
-            }
-            None
-        });
-    for field in fields {
-        let (name, value) = field.split_once(':')?;
-        let (name, value) = (name.trim(), value.trim());
-        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|n| n.is_finite());
-        match name {
-            "step" => step = value.parse().ok(),
-            "state" => value.clone_into(&mut record.state),
-            _ => match value {
-                "true" | "false" => {
-                    record
-                        .values
-                        .insert(name.into(), f64::from(u8::from(value == "true")));
-                }
-                list if list.starts_with('[') => {
-                    let list = list.strip_prefix('[')?.strip_suffix(']')?;
-                    let name = name.strip_prefix("load_").unwrap_or(name);
-                    for (i, value) in list.split(',').enumerate() {
-                        record
-                            .values
-                            .insert(format!("load{}_{name}", i + 1), number(value)?);
-                    }
-                }
-                value => {
-                    record.values.insert(name.into(), number(value)?);
-                }
-            },
-        }
-    }
-    record.step = step?;
-    (!record.state.is_empty() && record.values.contains_key("count")).then_some(record)
+/// How a record begins.
+const RECORD: &str = "record [";
+
+/// Takes a record out of a line: all its bytes, and numbers that are finite.
+fn parse_record(text: &str) -> Option<Record> {
+    let (_, bytes) = text.split_once(RECORD)?;
+    let (bytes, _) = bytes.split_once(']')?;
+    let bytes = bytes.split(',').map(|byte| byte.trim().parse().ok());
+    let bytes: Vec<u8> = bytes.collect::<Option<_>>()?;
+    let (record, rest): (Record, _) = postcard::take_from_bytes(&bytes).ok()?;
+    let whole = rest.is_empty() && record.load_position.len() == record.load_velocity.len();
+    (whole && record.columns().all(|column| column.value.is_finite())).then_some(record)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use arso_core::{Fault, Mode};
     use proptest::prelude::*;
 
-    const LINE: &str = "DEBUG Telemetry { step: 7, state: Fault(EncoderJump), count: 65535, \
-        applied_current: -0.001, load_position: [0.1, -2e-5], limited: true, cycles: 1180 }";
+    fn record() -> Record {
+        Record {
+            period: 7,
+            mode: Mode::Fault(Fault::EncoderJump),
+            count: 65535,
+            applied_current: -0.001,
+            command: 0.0,
+            limited: true,
+            reference: 0.0,
+            position: 0.0,
+            velocity: 0.0,
+            load_position: vec![0.1, -2e-5],
+            load_velocity: vec![0.0, 3.0],
+            reaction_force: 0.0,
+            disturbance: 0.0,
+            disturbance_state: 0.0,
+            cycles: 1180,
+        }
+    }
+
+    /// As the drive logs it and the decoder prints it.
+    fn line(record: &Record) -> String {
+        let mut buffer = [0; 128];
+        let bytes = postcard::to_slice(record, &mut buffer).unwrap();
+        format!("DEBUG record {bytes:?}")
+    }
 
     #[test]
-    fn a_record_is_its_fields() {
-        let record = parse_record(LINE).unwrap();
-        assert_eq!(
-            (record.step, record.state.as_str()),
-            (7, "Fault(EncoderJump)")
-        );
-        let expected = [
-            ("applied_current", -0.001),
-            ("count", 65535.0),
-            ("cycles", 1180.0),
-            ("limited", 1.0),
-            ("load1_position", 0.1),
-            ("load2_position", -2e-5),
-        ];
-        let values: Vec<_> = record
-            .values
-            .iter()
-            .map(|(name, value)| (name.as_str(), *value))
-            .collect();
-        assert_eq!(values, expected);
+    fn a_record_is_what_the_drive_serialised() {
+        assert_eq!(parse_record(&line(&record())), Some(record()));
+        // What is cut, too long, or holds what is no number is none.
+        let whole = line(&record());
+        let longer = whole.replace(']', ", 0]");
+        let cut = whole.replace(", 9]", "]");
+        let not_finite = line(&Record {
+            velocity: f32::NAN,
+            ..record()
+        });
+        let uneven = line(&Record {
+            load_velocity: vec![0.0],
+            ..record()
+        });
+        assert!(cut != whole);
+        for text in [longer, cut, not_finite, uneven] {
+            assert_eq!(parse_record(&text), None, "{text}");
+        }
     }
 
     #[test]
     fn text_is_read_line_by_line_and_gaps_are_counted() {
+        let later = Record {
+            period: 10,
+            ..record()
+        };
         let lines = [
-            LINE,
+            &line(&record()),
             "INFO running",
-            &LINE.replace("step: 7", "step: 10"),
+            &line(&later),
             "",
-            "x Telemetry { step: 8",
+            "x record [8",
         ];
         let text = lines.join("\n");
         let mut seen = Vec::new();
@@ -317,9 +289,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_text_is_taken(text in ".{0,200}", cut in 0..LINE.len()) {
+        fn any_text_is_taken(text in ".{0,200}", cut in 0..150_usize) {
             parse_record(&text);
-            parse_record(&format!("{}{text}", &LINE[..cut]));
+            let line = line(&record());
+            parse_record(&format!("{}{text}", &line[..cut.min(line.len())]));
             read_text(text.as_bytes(), |_| ()).unwrap();
         }
     }

@@ -1,7 +1,7 @@
 //! Design: from a drive to the gains its core runs with.
 //!
 //! ```text
-//! drive -> chain -> weights -> regulator (K, eqs. (2) to (13)) -+-> Design -> Gains<N, S> (f32)
+//! drive -> chain -> weights -> regulator (K, eqs. (2) to (13)) -+-> Design -> Settings (f32)
 //!            +----------------> observer (L, eq. (17)) ---------+            gains_file (source)
 //! ```
 //!
@@ -25,12 +25,12 @@ use crate::linear::dlqr;
 use crate::linear::eigen::{eigenvalues, spectral_radius};
 use crate::linear::zoh::zero_order_hold;
 use crate::machine::chain_of;
-use arso_core::Gains;
-use arso_core::disturbance::Actuator;
-use arso_core::gains::{EncoderGains, ObserverGains};
+use arso_core::Settings;
+use arso_core::actuator::Actuator;
+use arso_core::encoder::Encoder;
 use arso_core::limits::Limits;
-use arso_core::observer::Form;
-use arso_core::reference::MotionLimits;
+use arso_core::moves::rigid::MotionLimits;
+use arso_core::observer::LinearObserver;
 use arso_core::regulator::{MassGain, Regulator};
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 use weights::PerformanceIndex;
@@ -81,7 +81,8 @@ impl Design {
         let dlqr::Regulator { gain, residual } = regulator::regulator(&chain, &index, sample_time)?;
         let closed = &ad - &bd * &gain;
         require_stable("the regulator", &closed)?;
-        let observer = observer::design(drive, &chain, decay(&eigenvalues(&closed)?, sample_time))?;
+        let decay = decay(&eigenvalues(&closed)?, sample_time);
+        let observer = observer::variant(drive.control.observer).design(drive, &chain, decay)?;
         let design = Self {
             drive: drive.clone(),
             regulator: gain,
@@ -130,37 +131,28 @@ impl Design {
         Ok(eigenvalues(&self.observer.error_transition())?)
     }
 
-    /// The gains as the core takes them. `N` and `S` must be those of the design; the core's
-    /// [`Gains::check`] refuses anything else.
+    /// All that the core must know, as it takes it.
+    ///
+    /// * `observer`: how the core makes the observer of this design from its coefficients
+    ///
+    /// `N` and `S` must be those of the design; with any others the core's [`Settings::check`] refuses.
     #[must_use]
-    pub fn gains<const N: usize, const S: usize>(&self) -> Gains<N, S> {
+    pub fn settings<const N: usize, const S: usize, O>(
+        &self,
+        observer: impl FnOnce(LinearObserver<S>) -> O,
+    ) -> Settings<N, O> {
         let drive = &self.drive;
-        let observer = &self.observer;
-        let row = |values: &[f64]| -> [f32; S] {
-            std::array::from_fn(|i| values.get(i).map_or(f32::NAN, |value| *value as f32))
-        };
         let mass_gain = |mass: usize| MassGain {
             position: self.regulator[2 * mass] as f32,
             velocity: self.regulator[2 * mass + 1] as f32,
         };
-        Gains {
+        Settings {
             sample_time: drive.control.sample_time as f32,
             encoder: self.encoder(),
             actuator: self.actuator(),
             disturbance_cutoff: drive.control.disturbance_cutoff as f32,
             reaction_force_cutoff: drive.control.reaction_force_cutoff as f32,
-            observer: ObserverGains {
-                form: drive.control.observer,
-                transition: std::array::from_fn(|i| {
-                    std::array::from_fn(|j| {
-                        let value = observer.transition.get((i, j));
-                        value.map_or(f32::NAN, |value| *value as f32)
-                    })
-                }),
-                input: row(observer.input.as_slice()),
-                output: row(observer.output.as_slice()),
-                correction: row(observer.correction.as_slice()),
-            },
+            observer: observer(self.coefficients()),
             regulator: Regulator {
                 actuator: mass_gain(0),
                 loads: std::array::from_fn(|load| mass_gain(load + 1)),
@@ -170,10 +162,30 @@ impl Design {
         }
     }
 
+    /// Coefficients of the state observer as the core takes them.
+    pub(crate) fn coefficients<const S: usize>(&self) -> LinearObserver<S> {
+        let observer = &self.observer;
+        let row = |values: &[f64]| -> [f32; S] {
+            std::array::from_fn(|i| values.get(i).map_or(f32::NAN, |value| *value as f32))
+        };
+        let rows = std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let value = observer.transition.get((i, j));
+                value.map_or(f32::NAN, |value| *value as f32)
+            })
+        });
+        LinearObserver::new(
+            rows,
+            row(observer.input.as_slice()),
+            row(observer.output.as_slice()),
+            row(observer.correction.as_slice()),
+        )
+    }
+
     /// The encoder as the core takes it.
     #[must_use]
-    pub fn encoder(&self) -> EncoderGains {
-        EncoderGains {
+    pub fn encoder(&self) -> Encoder {
+        Encoder {
             resolution: self.drive.encoder.resolution as f32,
             counter_bits: self.drive.encoder.counter_bits,
         }
@@ -217,10 +229,9 @@ impl Design {
         self.chain.loads()
     }
 
-    /// Which observer was designed.
-    #[must_use]
-    pub fn form(&self) -> Form {
-        self.drive.control.observer
+    /// What is to be known of the observer that was designed.
+    pub(crate) fn observer_variant(&self) -> &'static dyn observer::Variant {
+        observer::variant(self.drive.control.observer)
     }
 
     fn require_f32(&self) -> Result<()> {

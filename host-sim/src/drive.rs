@@ -16,7 +16,6 @@ mod schema;
 
 use crate::error::{Error, Result};
 use crate::machine::{Actuator, Encoder, ExternalForce, Friction, Kind, Load};
-use arso_core::observer::Form;
 use document::{Document, read};
 use std::path::Path;
 
@@ -43,7 +42,30 @@ pub struct Control {
     /// `g_reac`, rad/s.
     pub reaction_force_cutoff: f64,
     /// Which state observer.
-    pub observer: Form,
+    pub observer: Observer,
+}
+
+/// Which state observer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Observer {
+    /// The load alone, driven by the measured motion of the actuator.
+    Anchored,
+    /// The whole free chain, driven by the current, eq. (17) as printed.
+    Reaction,
+}
+
+impl Observer {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Anchored, Self::Reaction];
+
+    /// Its name in drive files and tables.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Anchored => "anchored",
+            Self::Reaction => "reaction",
+        }
+    }
 }
 
 /// How the gain of the state observer is found.

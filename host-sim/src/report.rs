@@ -4,6 +4,7 @@
 //! `comparison`, `excitation`, `identification`, `log`, `paper`, `horizon`), `csv` for a run, `plot` for
 //! drawing.
 
+mod columns;
 pub mod comparison;
 pub mod csv;
 pub mod design;

@@ -17,8 +17,10 @@ use crate::design::Design;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use arso_core::limits::Limits;
-use arso_core::reference::Generator;
-use arso_core::{Counts, Current, Fault, Measurement, Position, Request, State, reference};
+use arso_core::moves::rigid::{self, RigidMoves};
+use arso_core::{
+    Counts, Current, Fault, Measurement, Mode, Position, Refusal, Request, SettingsError,
+};
 use corridor::{Corridor, Record, corridor};
 use nalgebra::DVector;
 use plant::Plant;
@@ -129,7 +131,7 @@ pub(crate) fn close_loop(
         let time = k as f64 * period;
         let count = plant.count();
         let step = control.step(count, plant.state(), applied_current)?;
-        if let (None, Some(State::Fault(new))) = (fault, step.record.as_ref().map(|r| r.state)) {
+        if let (None, Some(Mode::Fault(new))) = (fault, step.record.as_ref().map(|r| r.mode)) {
             fault = Some((time, new));
         }
         samples.push(Sample {
@@ -180,17 +182,22 @@ pub(crate) struct Core(Box<dyn Corridor>);
 impl Core {
     /// A core that has proven its signs on this plant and is asked for the experiment.
     pub(crate) fn new(design: &Design, file: &PlantFile, scenario: &Scenario) -> Result<Self> {
-        let refused = |error: arso_core::GainsError| Error::Design(error.to_string());
-        let mut core = corridor(design).map_err(refused)?;
+        let unfit = |error: SettingsError| Error::Design(error.to_string());
+        let mut core = corridor(design, None).map_err(unfit)?;
         commission(core.as_mut(), file, design.drive.control.sample_time)?;
-        core.request(Request::Start);
+        core.request(Request::Start).map_err(refused)?;
         let target = Position(scenario.target as f32);
-        core.request(match scenario.approach {
+        let request = match scenario.approach {
             Approach::Step => Request::Step(target),
             Approach::Move => Request::Move(target),
-        });
+        };
+        core.request(request).map_err(refused)?;
         Ok(Self(core))
     }
+}
+
+fn refused(refusal: Refusal) -> Error {
+    Error::Simulation(refusal.to_string())
 }
 
 /// Longest commissioning: rest, ramp and return all at the end of their patience, s.
@@ -206,15 +213,15 @@ pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Res
         ..file.clone()
     };
     let mut plant = Plant::new(&quiet, period);
-    core.request(Request::Commission);
+    core.request(Request::Commission).map_err(refused)?;
     let mut current = Current(0.0);
     let mut time = 0.0;
     while time < COMMISSIONING {
         let count = Counts(plant.count());
         current = core.step(Measurement { count, current }).current;
-        match core.record().state {
-            State::Ready => return Ok(()),
-            State::Fault(fault) => {
+        match core.record().mode {
+            Mode::Ready => return Ok(()),
+            Mode::Fault(fault) => {
                 let number = fault.number();
                 let message = format!("commissioning ended with fault {number} ({fault:?})");
                 return Err(Error::Simulation(message));
@@ -237,7 +244,7 @@ impl Control for Core {
         Ok(ControlOutput {
             current: command.current.0.into(),
             limited: command.limited,
-            reference: record.reference,
+            reference: record.reference.into(),
             record: Some(record),
         })
     }
@@ -247,37 +254,37 @@ impl Control for Core {
 pub(crate) struct FullState {
     gain: nalgebra::RowDVector<f64>,
     limits: Limits,
-    generator: Generator,
-    reference: reference::State,
+    moves: RigidMoves,
+    reference: rigid::Memory,
 }
 
 impl FullState {
     pub(crate) fn new(design: &Design, scenario: &Scenario) -> Self {
-        let generator = Generator::new(
+        let moves = RigidMoves::new(
             design.motion_limits(),
             design.chain.force_constant as f32,
             design.drive.control.sample_time as f32,
         );
-        let mut state = reference::State::default();
+        let mut reference = rigid::Memory::default();
         let target = Position(scenario.target as f32);
         match scenario.approach {
-            Approach::Step => generator.step_to(&mut state, target),
+            Approach::Step => moves.step_to(&mut reference, target),
             Approach::Move => {
-                generator.move_to(&mut state, target);
+                moves.move_to(&mut reference, target);
             }
         }
         Self {
             gain: design.regulator.clone(),
             limits: design.limits(),
-            generator,
-            reference: state,
+            moves,
+            reference,
         }
     }
 }
 
 impl Control for FullState {
     fn step(&mut self, _: u32, truth: &DVector<f64>, _: f64) -> Result<ControlOutput> {
-        let setpoint = self.generator.step(&mut self.reference);
+        let setpoint = self.moves.step::<1>(&mut self.reference);
         let reference = [
             f64::from(setpoint.position.0),
             f64::from(setpoint.velocity.0),

@@ -1,9 +1,8 @@
 //! Drives of the tests, and their translation for the reference implementation.
 
 use crate::reference::{ReferenceDrive, ReferenceGains, ReferenceObserver};
-use arso_core::observer::Form;
 use host_sim::design::Design;
-use host_sim::drive::{Drive, Weights};
+use host_sim::drive::{Drive, Observer, Weights};
 use host_sim::machine::Load;
 
 /// The default drive with its last load repeated or removed until there are `loads` of them.
@@ -27,7 +26,7 @@ pub fn drives() -> Vec<(String, Drive)> {
         drives.push((format!("{loads} loads"), drive_with_loads(loads)));
     }
     let mut reaction = Drive::default_drive();
-    reaction.control.observer = Form::Reaction;
+    reaction.control.observer = Observer::Reaction;
     drives.push(("reaction".into(), reaction));
 
     let mut deviating = Drive::default_drive();
@@ -87,9 +86,9 @@ pub fn reference(design: &Design) -> (ReferenceDrive, ReferenceGains, ReferenceO
         regulator: design.regulator.iter().copied().collect(),
         observer_gain: design.observer.correction.iter().copied().collect(),
     };
-    let observer = match design.form() {
-        Form::Anchored => ReferenceObserver::Anchored,
-        Form::Reaction => ReferenceObserver::Reaction,
+    let observer = match drive.control.observer {
+        Observer::Anchored => ReferenceObserver::Anchored,
+        Observer::Reaction => ReferenceObserver::Reaction,
     };
     (reference_drive, gains, observer)
 }

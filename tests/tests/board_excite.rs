@@ -2,18 +2,18 @@
 //! what ends it.
 #![cfg(feature = "virtual-board")]
 
-use arso_core::{Counts, Current, Excitation, Fault, Measurement, Request, State};
+use arso_core::{Counts, Current, Excitation, Fault, Measurement, Mode, Request};
 use arso_tests::virtual_board::image::Image;
 use arso_tests::virtual_board::rig::{Period, Switches};
 use arso_tests::virtual_board::{Board, Rig};
-use host_sim::capture::{Capture, LogRecord, read_defmt};
+use host_sim::capture::{Capture, read_defmt};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::excite::{ExcitationPlan, ExcitationRequest};
 use host_sim::identify::{Experiment, Log, Parameters, identify};
 use host_sim::machine::Friction;
 use host_sim::report::log::csv;
-use host_sim::simulate::corridor::corridor;
+use host_sim::simulate::corridor::{Record, corridor};
 use host_sim::simulate::plant::Plant;
 use host_sim::simulate::scenario::Scenario;
 
@@ -45,16 +45,17 @@ fn play(drive: &Drive) -> ExcitationPlan {
 }
 
 /// Encoder counts of a play by the core on this machine, on a plant at rest at the origin.
-fn host_counts(drive: &Drive, machine: &PlantFile, play: &ExcitationPlan) -> (Vec<u32>, State) {
+fn host_counts(drive: &Drive, machine: &PlantFile, play: &ExcitationPlan) -> (Vec<u32>, Mode) {
     let design = Design::new(drive).unwrap();
-    let mut core = corridor(&design).unwrap();
-    let mut plant = Plant::new(machine, drive.control.sample_time);
-    core.request(Request::Excite(Excitation {
+    let excitation = Excitation {
         profile: Vec::leak(play.table.clone()),
         unit: play.unit as f32,
         repetitions: play.repetitions,
         travel: play.travel as f32,
-    }));
+    };
+    let mut core = corridor(&design, Some(excitation)).unwrap();
+    let mut plant = Plant::new(machine, drive.control.sample_time);
+    core.request(Request::Excite).unwrap();
     let (mut counts, mut current) = (Vec::new(), Current(0.0));
     loop {
         let count = plant.count();
@@ -64,10 +65,10 @@ fn host_counts(drive: &Drive, machine: &PlantFile, play: &ExcitationPlan) -> (Ve
         });
         if !command.enable {
             // Waiting for rest, or at the end.
-            if counts.is_empty() && core.record().state == State::Exciting {
+            if counts.is_empty() && core.record().mode == Mode::Exciting {
                 continue;
             }
-            return (counts, core.record().state);
+            return (counts, core.record().mode);
         }
         counts.push(count);
         current = command.current;
@@ -112,7 +113,7 @@ fn the_table_is_played_and_logged_to_the_last_step() {
     assert_eq!(periods.len(), steps.len());
 
     let (host, end) = host_counts(&drive, &plant, &play);
-    assert_eq!(end, State::Idle);
+    assert_eq!(end, Mode::Idle);
     assert!(counts(&periods) == host, "the counts differ");
     // It is worth it: the actuator moves by thousands of counts.
     let positions = unwrapped(&host);
@@ -122,18 +123,18 @@ fn the_table_is_played_and_logged_to_the_last_step() {
 
     let capture = decode(&rig);
     assert_eq!((capture.lost, capture.malformed), (0, 0));
-    let exciting = |record: &LogRecord| record.state == "Exciting";
+    let exciting = |record: &Record| record.mode == Mode::Exciting;
     let waiting = capture.records.iter().position(exciting).unwrap();
     // It waits until the encoder has stood still for 50 periods, and begins in the last of them.
     let first = waiting + 49;
     let (idle, rest) = capture.records.split_at(first);
     let (idle, waited) = idle.split_at(waiting);
-    assert!(idle.iter().all(|record| record.state == "Idle"));
+    assert!(idle.iter().all(|record| record.mode == Mode::Idle));
     assert!(waited.iter().all(exciting));
-    assert!(waited.iter().all(|record| record.values["command"] == 0.0));
+    assert!(waited.iter().all(|record| record.command == 0.0));
     let (played, rest) = rest.split_at(steps.len());
     assert!(played.iter().all(exciting));
-    assert!(rest.len() > 10 && rest.iter().all(|record| record.state == "Idle"));
+    assert!(rest.len() > 10 && rest.iter().all(|record| record.mode == Mode::Idle));
     for message in ["INFO exciting", "INFO idle"] {
         assert!(
             capture.messages.iter().any(|found| found == message),
@@ -143,27 +144,23 @@ fn the_table_is_played_and_logged_to_the_last_step() {
     // The current of a period is logged as applied in the next.
     let applied = capture.records[first + 1..]
         .iter()
-        .map(|r| r.values["applied_current"]);
+        .map(|r| r.applied_current);
     let found = played.iter().zip(applied).zip(&periods).zip(&steps);
     for (k, (((record, applied), period), step)) in found.enumerate() {
-        let in_steps = |current: f64| (current / 1e-3).round();
-        assert_eq!(in_steps(applied), f64::from(*step), "step {k}");
-        assert_eq!(record.values["command"], applied, "step {k}");
-        assert_eq!(record.values["limited"], 0.0, "step {k}");
-        assert_eq!(record.values["count"], f64::from(period.count), "step {k}");
+        let in_steps = (f64::from(applied) / 1e-3).round();
+        assert_eq!(in_steps, f64::from(*step), "step {k}");
+        assert_eq!(record.command, applied, "step {k}");
+        assert!(!record.limited, "step {k}");
+        assert_eq!(record.count, period.count, "step {k}");
         assert_eq!(period.code, Some((2048 + step) as u16), "step {k}");
         let position = f64::from(positions[k]) * 1e-6;
         assert!(
-            (record.values["position"] - position).abs() < 1e-7,
+            (f64::from(record.position) - position).abs() < 1e-7,
             "step {k}"
         );
     }
-    assert!(
-        rest[1..]
-            .iter()
-            .all(|record| record.values["applied_current"] == 0.0)
-    );
-    assert!(rest.iter().all(|record| record.values["command"] == 0.0));
+    assert!(rest[1..].iter().all(|record| record.applied_current == 0.0));
+    assert!(rest.iter().all(|record| record.command == 0.0));
     let bus = rig.board.bus();
     assert!(!bus.ports[1].drives_high(12));
     assert_eq!(bus.current_reference(), Some(2048));
@@ -256,21 +253,21 @@ fn an_actuator_that_leaves_its_travel_is_stopped() {
     let fault = capture
         .records
         .iter()
-        .find(|r| r.state == "Fault(Travel)")
+        .find(|r| r.mode == Mode::Fault(Fault::Travel))
         .unwrap();
-    assert!(fault.values["position"].abs() > travel);
-    assert_eq!(fault.values["command"], 0.0);
+    assert!(f64::from(fault.position.abs()) > travel);
+    assert_eq!(fault.command, 0.0);
     let expected = format!(
-        "ERROR fault {}: Travel in step {}",
+        "ERROR fault {}: Travel in period {}",
         Fault::Travel.number(),
-        fault.step
+        fault.period
     );
     assert!(
         capture.messages.contains(&expected),
         "{:?}",
         capture.messages
     );
-    assert_eq!(capture.records.last().unwrap().state, "Idle");
+    assert_eq!(capture.records.last().unwrap().mode, Mode::Idle);
 }
 
 /// An encoder that is not connected shows no travel: nothing is played beyond the first half of the

@@ -3,7 +3,7 @@
 
 use arso_tests::drives;
 use host_sim::design::Design;
-use host_sim::drive::{Drive, PlantFile};
+use host_sim::drive::{Drive, Observer, PlantFile};
 use host_sim::machine::ExternalForce;
 use host_sim::simulate::metrics::Metrics;
 use host_sim::simulate::scenario::{SCENARIOS, Scenario};
@@ -114,7 +114,7 @@ fn friction_makes_the_printed_observer_drift() {
     let anchored = metrics(&drive, &plant, "fig3", Law::Core);
     assert!(anchored.estimation_error.unwrap().iter().all(|x| *x < 1e-3));
     assert!(anchored.offset.unwrap().abs() < 100e-6);
-    drive.control.observer = arso_core::observer::Form::Reaction;
+    drive.control.observer = Observer::Reaction;
     let reaction = metrics(&drive, &plant, "fig3", Law::Core);
     assert_eq!(reaction.settling_time, None);
     assert!(reaction.estimation_error.unwrap()[2] > 1e-3);

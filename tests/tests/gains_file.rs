@@ -20,10 +20,7 @@ fn the_firmware_has_the_gains_of_the_default_drive() {
         "firmware/src/gains.rs is not what the default drive designs: \
          run `cargo run --release -- design --rust firmware/src/gains.rs`"
     );
-    assert_eq!(
-        gains::GAINS,
-        design.gains::<{ gains::LOADS }, { gains::STATES }>()
-    );
+    assert_eq!(gains::GAINS, design.settings(gains::Observer::new));
 }
 
 #[test]

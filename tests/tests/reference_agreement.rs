@@ -6,7 +6,7 @@ use arso_tests::drives;
 use arso_tests::reference::{ReferenceController, closed_loop};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
-use host_sim::simulate::corridor::corridor;
+use host_sim::simulate::corridor::{corridor, estimate as estimated};
 use host_sim::simulate::scenario::Scenario;
 use host_sim::simulate::{Law, commission, simulate};
 
@@ -44,15 +44,16 @@ fn core_follows_the_reference_step_by_step() {
         let rest = vec![0.0; 2 * drive.loads.len() + 2];
         let recorded = closed_loop(&reference_drive, &gains, observer, TARGET, &rest, STEPS);
 
-        let mut core = corridor(&design).unwrap();
+        let mut core = corridor(&design, None).unwrap();
         commission(
             core.as_mut(),
             &PlantFile::from(&drive),
             drive.control.sample_time,
         )
         .unwrap();
-        core.request(Request::Start);
-        core.request(Request::Step(Position(TARGET as f32)));
+        core.request(Request::Start).unwrap();
+        core.request(Request::Step(Position(TARGET as f32)))
+            .unwrap();
         let mut reference = ReferenceController::new(&reference_drive, &gains, observer);
         let states = recorded[0].output.estimate.len();
         let mut estimate = vec![Signal::default(); states];
@@ -65,6 +66,7 @@ fn core_follows_the_reference_step_by_step() {
             });
             let expected = reference.step(sample.count, sample.applied_current, TARGET);
             let record = core.record();
+            let estimated: Vec<f64> = self::estimated(&record).collect();
             for (i, signal) in estimate.iter_mut().enumerate() {
                 // The record has the measured position of the actuator.
                 let expected = if i == 0 {
@@ -72,10 +74,10 @@ fn core_follows_the_reference_step_by_step() {
                 } else {
                     expected.estimate[i]
                 };
-                signal.take(record.estimate[i], expected);
+                signal.take(estimated[i], expected);
             }
-            disturbance.take(record.disturbance, expected.disturbance);
-            reaction_force.take(record.reaction_force, expected.reaction_force);
+            disturbance.take(record.disturbance.into(), expected.disturbance);
+            reaction_force.take(record.reaction_force.into(), expected.reaction_force);
             command.take(found.current.0.into(), expected.current);
         }
 

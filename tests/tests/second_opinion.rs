@@ -3,7 +3,8 @@
 //! machine's `f32`. (`board_log.rs` shows the same for the release ELF on the virtual board.)
 #![cfg(feature = "virtual-board")]
 
-use arso_core::{Controller, Counts, Current, Measurement, Position, Request, State};
+use arso_core::observer::Anchored;
+use arso_core::{Controller, Counts, Current, Measurement, Mode, Position, Request};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::simulate::plant::Plant;
@@ -13,10 +14,11 @@ use std::process::Command;
 /// `tests/second-opinion`, and the bits that the core on this machine answers.
 fn recording() -> (Vec<u8>, Vec<u32>) {
     let drive = Drive::default_drive();
-    let mut controller = Controller::<3, 9>::new(&Design::new(&drive).unwrap().gains()).unwrap();
+    let settings = Design::new(&drive).unwrap().settings(Anchored::<3, 9>::new);
+    let mut controller = Controller::new(&settings).unwrap();
     let mut plant = Plant::new(&PlantFile::from(&drive), drive.control.sample_time);
     let (mut input, mut answer) = (Vec::new(), Vec::new());
-    let mut current = Current(0.0);
+    let mut current: Current = Current(0.0);
     let mut request = Some((1_u16, Request::Commission));
     let mut left = None;
     while left != Some(0) {
@@ -25,7 +27,7 @@ fn recording() -> (Vec<u8>, Vec<u32>) {
         input.extend(count.to_le_bytes());
         input.extend(current.0.to_le_bytes());
         if let Some((_, request)) = request {
-            controller.request(request);
+            controller.request(request).unwrap();
         }
         let count = Counts(count.into());
         current = controller.step(Measurement { count, current }).current;
@@ -34,8 +36,8 @@ fn recording() -> (Vec<u8>, Vec<u32>) {
         let loads = record.load_position.iter().chain(&record.load_velocity);
         answer.extend(loads.map(|value| value.to_bits()));
         plant.advance(current.0.into()).unwrap();
-        request = match (request, controller.state(), left) {
-            (_, State::Ready, None) => Some((2, Request::Start)),
+        request = match (request, controller.mode(), left) {
+            (_, Mode::Ready, None) => Some((2, Request::Start)),
             (Some((2, _)), _, _) => Some((3, Request::Step(Position(0.03)))),
             _ => None,
         };

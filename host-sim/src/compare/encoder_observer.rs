@@ -32,7 +32,7 @@ pub(crate) struct EncoderObserver {
     feedback: RowDVector<f64>,
     target: f64,
     limits: Limits,
-    encoder: (Encoder, encoder::State),
+    encoder: (Encoder, encoder::Memory),
 }
 
 impl EncoderObserver {
@@ -62,7 +62,6 @@ impl EncoderObserver {
         let mut feedback = RowDVector::zeros(n + 1);
         feedback.columns_mut(0, n).copy_from(&-&design.regulator);
         feedback[n] = 1.0 / chain.force_constant;
-        let encoder = design.encoder();
         Ok(Self {
             transition,
             input,
@@ -71,10 +70,7 @@ impl EncoderObserver {
             feedback,
             target,
             limits: design.limits(),
-            encoder: (
-                Encoder::new(encoder.resolution, encoder.counter_bits),
-                encoder::State::default(),
-            ),
+            encoder: (design.encoder(), encoder::Memory::default()),
         })
     }
 }

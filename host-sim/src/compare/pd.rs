@@ -14,7 +14,7 @@ use crate::design::checks::collocated_loop;
 use crate::error::{Error, Result};
 use crate::linear::eigen::eigenvalues;
 use crate::simulate::{Control, ControlOutput};
-use arso_core::disturbance::{self, ForceObservers};
+use arso_core::disturbance::{self, DisturbanceObserver};
 use arso_core::encoder::{self, Encoder};
 use arso_core::limits::Limits;
 use arso_core::{Counts, Current};
@@ -81,32 +81,28 @@ pub(crate) struct Pd {
     target: f64,
     period: f64,
     limits: Limits,
-    encoder: (Encoder, encoder::State),
-    filter: (ForceObservers, disturbance::State),
+    encoder: (Encoder, encoder::Memory),
+    filter: (DisturbanceObserver, disturbance::Memory),
     samples: u32,
 }
 
 impl Pd {
     pub(crate) fn new(design: &Design, settings: Settings, shaper: Shaper, target: f64) -> Self {
-        let (control, encoder) = (&design.drive.control, design.encoder());
+        let control = &design.drive.control;
         Self {
             parts: shaper.parts(settings.frequency, settings.damping),
             settings,
             target,
             period: control.sample_time,
             limits: design.limits(),
-            encoder: (
-                Encoder::new(encoder.resolution, encoder.counter_bits),
-                encoder::State::default(),
-            ),
+            encoder: (design.encoder(), encoder::Memory::default()),
             filter: (
-                ForceObservers::new(
-                    design.actuator(),
+                DisturbanceObserver::new(
+                    &design.actuator(),
                     control.disturbance_cutoff as f32,
-                    control.reaction_force_cutoff as f32,
                     control.sample_time as f32,
                 ),
-                disturbance::State::default(),
+                disturbance::Memory::default(),
             ),
             samples: 0,
         }
@@ -131,7 +127,7 @@ impl Control for Pd {
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let reading = self.encoder.0.step(&mut self.encoder.1, Counts(count));
         let current = Current(applied as f32);
-        let forces = self
+        let seen = self
             .filter
             .0
             .step(&mut self.filter.1, reading.displacement, current);
@@ -139,7 +135,7 @@ impl Control for Pd {
         self.samples += 1;
         let (position, velocity) = self.reference(f64::from(self.samples) * self.period);
         let command = self.settings.position_gain * (position - f64::from(reading.position.0))
-            + self.settings.velocity_gain * (velocity - f64::from(forces.velocity.0));
+            + self.settings.velocity_gain * (velocity - f64::from(seen.velocity.0));
         let limited = self
             .limits
             .step(Current(command as f32))

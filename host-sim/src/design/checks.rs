@@ -12,7 +12,7 @@ use crate::drive::SETTLING_BAND;
 use crate::error::Result;
 use crate::linear::eigen::spectral_radius;
 use crate::linear::margins::Margins;
-use arso_core::observer::Form;
+use arso_core::filter::{Difference, Lag};
 use conditions::{distinct_eigenvalues, observability, riccati_residual};
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 use serde::Serialize;
@@ -193,7 +193,7 @@ fn current_step(design: &Design) -> Check {
 pub fn collocated_loop(design: &Design, position: f64, velocity: f64) -> DMatrix<f64> {
     let control = &design.drive.control;
     let period = control.sample_time;
-    let pole = (-control.disturbance_cutoff * period).exp();
+    let pole = Lag::new(control.disturbance_cutoff, period).pole();
     let n = design.bd.len();
     let slope = (1.0 - pole) / period;
     let mut gain = RowDVector::zeros(n + 2);
@@ -250,9 +250,10 @@ pub(super) fn closed_loop(design: &Design) -> Result<Check> {
     let closed = DriveLoop::new(design).closed(&design.ad, &design.bd);
     let value = spectral_radius(&closed)?;
     // Of eq. (17) alone the rigid motion stays in the estimate, a double one that rounding splits.
-    let limit = match design.form() {
-        Form::Anchored => 1.0,
-        Form::Reaction => 1.0 + 1e-4,
+    let limit = if design.observer_variant().rigid_motion() {
+        1.0 + 1e-4
+    } else {
+        1.0
     };
     Ok(Check {
         name: "closed_loop",
@@ -293,19 +294,17 @@ pub(super) fn peak_sensitivity(margins: &Margins) -> Check {
 fn force_noise(design: &Design) -> f64 {
     let (actuator, control) = (&design.drive.actuator, &design.drive.control);
     let period = control.sample_time;
-    let pole = |cutoff: f64| (-cutoff * period).exp();
-    let (a_dist, a_reac) = (
-        pole(control.disturbance_cutoff),
-        pole(control.reaction_force_cutoff),
-    );
-    let (mut x_before, mut velocity, mut acceleration) = (0.0, 0.0, 0.0);
+    let difference = Difference::new(period);
+    let once = Lag::new(control.disturbance_cutoff, period);
+    let twice = Lag::new(control.reaction_force_cutoff, period);
+    let (mut position, mut velocity, mut filtered, mut acceleration) = (0.0, 0.0, 0.0, 0.0);
     let mut sum = 0.0;
     for k in 0..100_000 {
-        let x = if k == 0 { 1.0 } else { 0.0 };
-        let before = velocity;
-        velocity = a_dist * velocity + (1.0 - a_dist) * (x - x_before) / period;
-        x_before = x;
-        acceleration = a_reac * acceleration + (1.0 - a_reac) * (velocity - before) / period;
+        let impulse = if k == 0 { 1.0 } else { 0.0 };
+        let mean = difference.step(&mut position, impulse);
+        let through = once.step(&mut velocity, mean);
+        let change = difference.step(&mut filtered, through);
+        twice.step(&mut acceleration, change);
         sum += acceleration * acceleration;
         if k > 10 && velocity.abs() < 1e-12 / period && acceleration.abs() < 1e-12 / period {
             break;

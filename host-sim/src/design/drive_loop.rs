@@ -8,12 +8,15 @@
 //! s⁺ = A s + b x_a        i = c s + d x_a
 //! ```
 //!
-//! The memory `s` is what the control step keeps from one period to the next; the matrices are its
-//! answers to unit memories, which is all there is to know of a linear step. The observers are fed with
-//! the command of the period before, as in the drive.
+//! The memory `s` is what the drive keeps from one period to the next; the matrices are its answers to
+//! unit memories, which is all there is to know of something linear. The force observers are the core's
+//! own, in `f64`, fed with the command of the period before, as in the drive.
 
 use super::Design;
-use arso_core::observer::Form;
+use arso_core::actuator::Actuator;
+use arso_core::disturbance::{self, DisturbanceObserver};
+use arso_core::reaction_force::{self, ReactionForceObserver};
+use arso_core::units::Current;
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 
 /// The drive as `s⁺ = A s + b x_a`, `i = c s + d x_a`.
@@ -25,17 +28,12 @@ pub struct DriveLoop {
     through: f64,
 }
 
-/// What the memory holds, before the states of the observer.
+/// What the memory holds, before the states of the observer: position and command of the period before,
+/// then the memories of the force observers.
 const POSITION: usize = 0;
-const RAW_VELOCITY: usize = 1;
-const VELOCITY: usize = 2;
-const ACCELERATION: usize = 3;
-const RAW_ACCELERATION: usize = 4;
-const MOTOR_ONCE: usize = 5;
-const MOTOR_TWICE: usize = 6;
-const DEVIATION: usize = 7;
-const COMMAND: usize = 8;
-const OBSERVER: usize = 9;
+const COMMAND: usize = 1;
+const FORCES: usize = 2;
+const OBSERVER: usize = FORCES + 8;
 
 impl DriveLoop {
     /// The drive of a design.
@@ -91,67 +89,79 @@ impl DriveLoop {
     }
 }
 
-/// One control step without limits and reference: the new memory.
-fn step(design: &Design, memory: &DVector<f64>, position: f64) -> DVector<f64> {
-    let drive = &design.drive;
-    let (actuator, control) = (&drive.actuator, &drive.control);
-    let period = control.sample_time;
-    let (g_dist, g_reac) = (control.disturbance_cutoff, control.reaction_force_cutoff);
-    let (a_dist, a_reac) = ((-g_dist * period).exp(), (-g_reac * period).exp());
-    let lag = |pole: f64, before: f64, input: f64| pole * before + (1.0 - pole) * input;
-    let mut next = DVector::zeros(memory.len());
-
-    next[POSITION] = position;
-    next[RAW_VELOCITY] = (position - memory[POSITION]) / period;
-    next[VELOCITY] = lag(a_dist, memory[VELOCITY], next[RAW_VELOCITY]);
-    let difference = |element: usize| (next[element] - memory[element]) / period;
-    let (acceleration, raw) = (difference(VELOCITY), difference(RAW_VELOCITY));
-    next[ACCELERATION] = lag(a_reac, memory[ACCELERATION], acceleration);
-    next[RAW_ACCELERATION] = lag(a_reac, memory[RAW_ACCELERATION], raw);
-
-    // (19) and (18) as the core has them: two exact lags on the held current, the deviations
-    // filtered once.
-    let current = memory[COMMAND];
-    let motor = actuator.force_constant * current;
-    let apart = (g_reac - g_dist) * period;
-    let ratio = if apart == 0.0 {
-        1.0
-    } else {
-        apart.exp_m1() / apart
+/// The force observers of a design.
+fn force_observers(design: &Design) -> (DisturbanceObserver<f64>, ReactionForceObserver<f64>) {
+    let (actuator, control) = (&design.drive.actuator, &design.drive.control);
+    let actuator = Actuator {
+        mass: actuator.mass,
+        force_constant: actuator.force_constant,
+        mass_deviation: actuator.mass_deviation,
+        force_constant_deviation: actuator.force_constant_deviation,
     };
-    let cascade = g_reac * period * a_reac * ratio;
-    next[MOTOR_ONCE] = lag(a_dist, memory[MOTOR_ONCE], motor);
-    next[MOTOR_TWICE] = a_reac * memory[MOTOR_TWICE]
-        + cascade * memory[MOTOR_ONCE]
-        + (1.0 - a_reac - cascade) * motor;
-    next[DEVIATION] = lag(a_reac, memory[DEVIATION], current);
-    let force = next[MOTOR_TWICE] - actuator.mass * next[ACCELERATION]
-        + actuator.force_constant_deviation * next[DEVIATION]
-        - actuator.mass_deviation * next[RAW_ACCELERATION];
+    let (g_dist, g_reac) = (control.disturbance_cutoff, control.reaction_force_cutoff);
+    let period = control.sample_time;
+    (
+        DisturbanceObserver::new(&actuator, g_dist, period),
+        ReactionForceObserver::new(&actuator, g_dist, g_reac, period),
+    )
+}
+
+/// One control period without limits and reference: the new memory.
+fn step(design: &Design, memory: &DVector<f64>, position: f64) -> DVector<f64> {
+    let (disturbance_observer, reaction_force_observer) = force_observers(design);
+    let m = |element: usize| memory[FORCES + element];
+    let mut of_disturbance = disturbance::Memory {
+        motor_force: m(0),
+        mean_velocity: m(1),
+        velocity: m(2),
+        acceleration: m(3),
+    };
+    let mut of_reaction_force = reaction_force::Memory {
+        motor_force: m(4),
+        acceleration: m(5),
+        current: m(6),
+        mean_acceleration: m(7),
+    };
+    let current = Current(memory[COMMAND]);
+    let displacement = position - memory[POSITION];
+    let disturbance = disturbance_observer.step(&mut of_disturbance, displacement, current);
+    let force = reaction_force_observer.step(&mut of_reaction_force, &disturbance, current);
 
     // z⁺ = F z + g u, then z += L (f − c z)
-    let observer = &design.observer;
+    let (observer, variant) = (&design.observer, design.observer_variant());
     let n = observer.input.len();
-    let held = match design.form() {
-        Form::Anchored => next[RAW_VELOCITY],
-        Form::Reaction => current,
-    };
+    let held = variant.input(disturbance.mean_velocity.0, current.0);
     let mut state = &observer.transition * memory.rows(OBSERVER, n) + &observer.input * held;
-    let innovation = force - (&observer.output * &state).x;
+    let innovation = force.0 - (&observer.output * &state).x;
     state.axpy(innovation, &observer.correction, 1.0);
-    next.rows_mut(OBSERVER, n).copy_from(&state);
 
-    let gain = &design.regulator;
-    next[COMMAND] = match design.form() {
-        Form::Anchored => {
-            let mut command = -gain[0] * position - gain[1] * next[VELOCITY];
-            for load in 0..design.loads() {
-                command -= gain[2 * load + 2] * (state[2 * load] + position)
-                    + gain[2 * load + 3] * state[2 * load + 1];
-            }
-            command + state[n - 1] / actuator.actual_force_constant()
-        }
-        Form::Reaction => -(gain * state).x,
-    };
-    next
+    let (motion, found) = variant.estimate(&state, [position, disturbance.velocity.0]);
+    let command =
+        found / design.drive.actuator.actual_force_constant() - (&design.regulator * motion).x;
+
+    let disturbance::Memory {
+        motor_force,
+        mean_velocity,
+        velocity,
+        acceleration,
+    } = of_disturbance;
+    let reaction_force::Memory {
+        motor_force: twice,
+        acceleration: filtered,
+        current: lagged,
+        mean_acceleration,
+    } = of_reaction_force;
+    let head = [
+        position,
+        command,
+        motor_force,
+        mean_velocity,
+        velocity,
+        acceleration,
+        twice,
+        filtered,
+        lagged,
+        mean_acceleration,
+    ];
+    DVector::from_iterator(memory.len(), head.into_iter().chain(state.iter().copied()))
 }

@@ -2,31 +2,40 @@
 
 use super::Design;
 use crate::machine::Units;
-use arso_core::Gains;
-use arso_core::observer::Form;
+use arso_core::Settings;
+use arso_core::observer::{LinearObserver, StateObserver};
 use std::fmt::Write;
 
-/// The file for the firmware, complete. `origin` says where the drive was described.
+/// The file for the firmware, complete.
+///
+/// * `observer`, `name`: how the core makes the observer from its coefficients, and what it calls it
+/// * `origin`: where the drive was described
 #[must_use]
 #[expect(
     clippy::too_many_lines,
     reason = "one template, read from top to bottom"
 )]
-pub fn source<const N: usize, const S: usize>(design: &Design, origin: &str) -> String {
-    let gains: Gains<N, S> = design.gains();
-    let form = match gains.observer.form {
-        Form::Anchored => "Anchored",
-        Form::Reaction => "Reaction",
-    };
-    let Gains {
+pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
+    design: &Design,
+    observer: impl FnOnce(LinearObserver<S>) -> O,
+    name: &str,
+    origin: &str,
+) -> String {
+    let LinearObserver {
+        transition,
+        input,
+        output,
+        correction,
+    } = design.coefficients::<S>();
+    let settings: Settings<N, O> = design.settings(observer);
+    let Settings {
         encoder,
         actuator,
         limits,
         motion,
         regulator,
-        observer,
         ..
-    } = &gains;
+    } = &settings;
     let Units {
         mass,
         position,
@@ -46,25 +55,25 @@ pub fn source<const N: usize, const S: usize>(design: &Design, origin: &str) -> 
          //!\n\
          //! `cargo run --release -- design [DRIVE.toml] --rust firmware/src/gains.rs`\n\
          \n\
-         use arso_core::Gains;\n\
-         use arso_core::disturbance::Actuator;\n\
-         use arso_core::gains::{{EncoderGains, ObserverGains}};\n\
+         use arso_core::Settings;\n\
+         use arso_core::actuator::Actuator;\n\
+         use arso_core::encoder::Encoder;\n\
          use arso_core::limits::Limits;\n\
-         use arso_core::observer::Form;\n\
-         use arso_core::reference::MotionLimits;\n\
+         use arso_core::moves::rigid::MotionLimits;\n\
+         use arso_core::observer::{{{name}, LinearObserver}};\n\
          use arso_core::regulator::{{MassGain, Regulator}};\n\
          \n\
          /// Number of load masses.\n\
          pub const LOADS: usize = {N};\n\
          \n\
-         /// Number of states of the observer.\n\
-         pub const STATES: usize = {S};\n\
+         /// The state observer, with its number of states.\n\
+         pub type Observer = {name}<LOADS, {S}>;\n\
          \n\
          /// All that the core knows of the drive.\n\
          #[rustfmt::skip]\n\
-         pub const GAINS: Gains<LOADS, STATES> = Gains {{\n\
+         pub const GAINS: Settings<LOADS, Observer> = Settings {{\n\
          {I}sample_time: {:?}, // s\n\
-         {I}encoder: EncoderGains {{ resolution: {:?}, counter_bits: {} }}, // {position}\n\
+         {I}encoder: Encoder {{ resolution: {:?}, counter_bits: {} }}, // {position}\n\
          {I}actuator: Actuator {{\n\
          {I}{I}mass: {:?}, // {mass}\n\
          {I}{I}force_constant: {:?}, // {force_constant}\n\
@@ -73,35 +82,35 @@ pub fn source<const N: usize, const S: usize>(design: &Design, origin: &str) -> 
          {I}}},\n\
          {I}disturbance_cutoff: {:?}, // rad/s\n\
          {I}reaction_force_cutoff: {:?}, // rad/s\n\
-         {I}observer: ObserverGains {{\n\
-         {I}{I}form: Form::{form},\n\
-         {I}{I}transition: [\n",
-        gains.sample_time,
+         {I}observer: {name}::new(LinearObserver::new(\n\
+         {I}{I}[ // transition\n",
+        settings.sample_time,
         encoder.resolution,
         encoder.counter_bits,
         actuator.mass,
         actuator.force_constant,
         actuator.mass_deviation,
         actuator.force_constant_deviation,
-        gains.disturbance_cutoff,
-        gains.reaction_force_cutoff,
+        settings.disturbance_cutoff,
+        settings.reaction_force_cutoff,
     );
-    for row in &observer.transition {
+    for row in transition.row_iter() {
+        let row: Vec<f32> = row.iter().copied().collect();
         let _ = writeln!(text, "{I}{I}{I}{row:?},");
     }
     let _ = write!(
         text,
         "{I}{I}],\n\
-         {I}{I}input: {:?},\n\
-         {I}{I}output: {:?},\n\
-         {I}{I}correction: {:?},\n\
-         {I}}},\n\
+         {I}{I}{:?}, // input\n\
+         {I}{I}{:?}, // output\n\
+         {I}{I}{:?}, // correction\n\
+         {I})),\n\
          {I}regulator: Regulator {{ // {position_gain}, {velocity_gain}\n\
          {I}{I}actuator: MassGain {{ position: {:?}, velocity: {:?} }},\n\
          {I}{I}loads: [\n",
-        observer.input,
-        observer.output,
-        observer.correction,
+        input.as_slice(),
+        output.as_slice(),
+        correction.as_slice(),
         regulator.actuator.position,
         regulator.actuator.velocity,
     );

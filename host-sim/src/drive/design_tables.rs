@@ -2,9 +2,8 @@
 
 use super::document::{Document, SMALLEST};
 use super::schema::{Number, RawControl, RawCost, RawMotion, RawObserver};
-use super::{Control, Cost, MoveLimits, ObserverMethod, ObserverSettings, Weights};
+use super::{Control, Cost, MoveLimits, Observer, ObserverMethod, ObserverSettings, Weights};
 use crate::error::Result;
-use arso_core::observer::Form;
 use toml::Spanned;
 
 impl Document<'_> {
@@ -26,7 +25,7 @@ impl Document<'_> {
         let observer = self.one_of(
             "control.observer",
             &raw.observer,
-            &[("anchored", Form::Anchored), ("reaction", Form::Reaction)],
+            &Observer::ALL.map(|observer| (observer.name(), observer)),
         )?;
         Ok(Control {
             sample_time,
@@ -53,7 +52,7 @@ impl Document<'_> {
                 ("poles", ObserverMethod::Poles),
             ];
             settings.design = self.one_of("observer.design", design, &words)?;
-            if settings.design == ObserverMethod::Poles && control.observer == Form::Reaction {
+            if settings.design == ObserverMethod::Poles && control.observer == Observer::Reaction {
                 let message = "observer.design = \"poles\": must be \"kalman\" for \
                                control.observer = \"reaction\", whose rigid motion cannot be placed";
                 return Err(self.error(Some(design.span()), message.into()));

@@ -2,7 +2,8 @@
 //! control period, as `simulate --csv` and `capture` write it.
 //!
 //! `count` is the encoder at `time`, `applied_current` the current over the period that ends then. Other
-//! columns are ignored but one: where a `state[name]` says what the drive was doing, the longest stretch
+//! columns are ignored but one: where a `mode[name]` (`state[name]` in older
+//! captures) says what the drive was doing, the longest stretch
 //! of excitation is taken, or else of closed loop. The stretch must begin at rest; a longer rest is left
 //! out, and so is what comes after the first minute at a control period of a millisecond.
 
@@ -34,13 +35,13 @@ const REST: f64 = 8.0;
 
 const COLUMNS: [&str; 3] = ["time[s]", "count[1]", "applied_current[A]"];
 
-/// One row: line in the file, time, count, current, state.
+/// One row: line in the file, time, count, current, mode.
 struct Row {
     line: usize,
     time: f64,
     count: i64,
     current: f64,
-    state: String,
+    mode: String,
 }
 
 impl Log {
@@ -186,7 +187,7 @@ fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Res
             )
         })?;
     }
-    let state = column("state[name]");
+    let mode = column("mode[name]").or(column("state[name]"));
     let mut rows = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|problem| error(None, format!("is no CSV: {problem}")))?;
@@ -214,8 +215,8 @@ fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Res
             time: number(0)?,
             count: count as i64,
             current: number(2)?,
-            state: state
-                .and_then(|state| record.get(state))
+            mode: mode
+                .and_then(|mode| record.get(mode))
                 .unwrap_or("")
                 .to_owned(),
         });
@@ -225,10 +226,10 @@ fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Res
 
 /// The longest run of rows in which the drive was excited, or else ran; everything where no row says.
 fn stretch(rows: &[Row]) -> &[Row] {
-    for state in ["Exciting", "Running"] {
-        let runs = rows.chunk_by(|a, b| (a.state == state) == (b.state == state));
+    for mode in ["Exciting", "Running"] {
+        let runs = rows.chunk_by(|a, b| (a.mode == mode) == (b.mode == mode));
         let longest = runs
-            .filter(|run| run.first().is_some_and(|row| row.state == state))
+            .filter(|run| run.first().is_some_and(|row| row.mode == mode))
             .max_by_key(|run| run.len());
         if let Some(run) = longest {
             return run;

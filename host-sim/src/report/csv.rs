@@ -3,9 +3,12 @@
 //! The columns are the same for simulation and drive log as far as both know them; the true
 //! motion stands in the `…_true` columns.
 
+use super::columns;
 use crate::error::{Error, Result};
 use crate::machine::Units;
 use crate::simulate::Run;
+use crate::simulate::corridor::Record;
+use arso_core::telemetry::Column;
 
 /// The run as CSV.
 ///
@@ -18,7 +21,7 @@ pub fn csv(run: &Run) -> Result<Vec<u8>> {
         .samples
         .first()
         .map_or(0, |sample| sample.truth.len() / 2);
-    let observed = run.samples.iter().any(|sample| sample.record.is_some());
+    let observed = run.samples.iter().find_map(|sample| sample.record.as_ref());
     writer
         .write_record(header(run.kind.units(), masses, observed))
         .map_err(|e| failed(e.to_string()))?;
@@ -34,10 +37,7 @@ pub fn csv(run: &Run) -> Result<Vec<u8>> {
         row.extend(sample.truth.iter().map(f64::to_string));
         row.push(sample.true_reaction_force.to_string());
         if let Some(record) = &sample.record {
-            row.extend(record.estimate.iter().map(f64::to_string));
-            row.push(record.reaction_force.to_string());
-            row.push(record.disturbance.to_string());
-            row.push(record.disturbance_state.to_string());
+            row.extend(found(record).map(|column| column.value.to_string()));
         }
         writer
             .write_record(row)
@@ -46,7 +46,14 @@ pub fn csv(run: &Run) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|e| failed(e.to_string()))
 }
 
-fn header(units: &Units, masses: usize, observed: bool) -> Vec<String> {
+/// What the core found.
+fn found(record: &Record) -> impl Iterator<Item = Column> {
+    let estimated = |column: &Column| column.closed_loop && column.name != "reference";
+    let columns = record.columns();
+    columns.filter(move |column| column.mass.is_some() || estimated(column))
+}
+
+fn header(units: &Units, masses: usize, record: Option<&Record>) -> Vec<String> {
     let (position, velocity, force) = (units.position, units.velocity, units.force);
     let mut names: Vec<String> = [
         "time[s]",
@@ -58,23 +65,16 @@ fn header(units: &Units, masses: usize, observed: bool) -> Vec<String> {
     .map(String::from)
     .to_vec();
     names.push(format!("reference[{position}]"));
-    let mut motion = |suffix: &str| {
-        for mass in 0..masses {
-            let name = if mass == 0 {
-                "actuator".into()
-            } else {
-                format!("load{mass}")
-            };
-            names.push(format!("{name}_position{suffix}[{position}]"));
-            names.push(format!("{name}_velocity{suffix}[{velocity}]"));
-        }
-        names.push(format!("reaction_force{suffix}[{force}]"));
-    };
-    motion("_true");
-    if observed {
-        motion("");
-        names.push(format!("disturbance[{force}]"));
-        names.push(format!("disturbance_state[{force}]"));
+    for mass in 0..masses {
+        let name = match mass {
+            0 => "actuator".into(),
+            load => format!("load{load}"),
+        };
+        names.push(format!("{name}_position_true[{position}]"));
+        names.push(format!("{name}_velocity_true[{velocity}]"));
     }
+    names.push(format!("reaction_force_true[{force}]"));
+    let found = record.into_iter().flat_map(found);
+    names.extend(found.map(|column| columns::title(units, &column)));
     names
 }

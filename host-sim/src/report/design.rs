@@ -5,20 +5,10 @@ use crate::design::Design;
 use crate::design::assessment::Assessment;
 use crate::design::checks::Verdict;
 use crate::error::Result;
-use arso_core::observer::Form;
 use comfy_table::Cell;
 use nalgebra::{Complex, DMatrix};
 use serde_json::json;
 use std::fmt::Write;
-
-/// The name of an observer as drive files have it.
-#[must_use]
-pub fn observer_name(form: Form) -> &'static str {
-    match form {
-        Form::Anchored => "anchored",
-        Form::Reaction => "reaction",
-    }
-}
 
 /// Model and gains.
 ///
@@ -79,7 +69,7 @@ pub fn tables(design: &Design) -> Result<String> {
         text,
         "slowest time constant: regulator {}, {} observer {}",
         slowest(design.regulator_poles()?),
-        observer_name(design.form()),
+        design.drive.control.observer.name(),
         slowest(design.observer_poles()?),
     );
     Ok(text)
@@ -178,7 +168,7 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
         "bd": design.bd.as_slice(),
         "k": design.regulator.as_slice(),
         "regulator_poles": poles(design.regulator_poles()?),
-        "observer": observer_name(design.form()),
+        "observer": design.drive.control.observer.name(),
         "observer_transition": rows(&observer.transition),
         "observer_input": observer.input.as_slice(),
         "observer_output": observer.output.as_slice(),

@@ -1,6 +1,5 @@
 //! Experiments in closed loop, as a table and JSON.
 
-use super::design::observer_name;
 use super::table::{right, table};
 use crate::chain::controlled_mass;
 use crate::design::Design;
@@ -13,7 +12,7 @@ use serde_json::json;
 #[must_use]
 pub fn law_name(law: Law, design: &Design) -> &'static str {
     match law {
-        Law::Core => observer_name(design.form()),
+        Law::Core => design.drive.control.observer.name(),
         Law::FullState => "full state",
         Law::Rival(name) => name,
     }
@@ -79,7 +78,7 @@ pub fn json(design: &Design, runs: &[(Run, Metrics)], files: &[String]) -> serde
         json!({
             "scenario": run.scenario.name,
             "law": run.law,
-            "observer": (run.law == Law::Core).then(|| observer_name(design.form())),
+            "observer": (run.law == Law::Core).then(|| design.drive.control.observer.name()),
             "metrics": metrics,
         })
     });

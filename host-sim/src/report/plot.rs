@@ -65,10 +65,10 @@ fn draw(
             time_series(core, |s| 1e3 * s.truth[2 * mass]),
         ));
         if mass > 0 {
-            let line = core
-                .samples
-                .iter()
-                .filter_map(|s| Some((s.time, 1e3 * s.record.as_ref()?.estimate[2 * mass])));
+            let line = core.samples.iter().filter_map(|s| {
+                let position = s.record.as_ref()?.load_position.get(mass - 1)?;
+                Some((s.time, 1e3 * f64::from(*position)))
+            });
             estimates.push((COLOURS[mass % COLOURS.len()], line.collect::<Line>()));
         }
     }

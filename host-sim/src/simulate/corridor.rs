@@ -4,57 +4,39 @@
 //! is instantiated once and hidden behind [`Corridor`]. What runs is the core of the firmware,
 //! `f32` and all.
 
-use crate::design::{Design, gains_file};
-use crate::drive::MAX_LOADS;
-use arso_core::observer::Form;
-use arso_core::{Command, Controller, GainsError, Measurement, Request, State, Telemetry};
+use crate::design::{Design, gains_file::gains_file};
+use crate::drive::{MAX_LOADS, Observer};
+use arso_core::observer::{Anchored, LinearObserver, Reaction, StateObserver};
+use arso_core::{
+    Command, Controller, Excitation, Measurement, Refusal, Request, SettingsError, Telemetry,
+};
 
 /// A control core of any size.
 pub trait Corridor {
     /// See [`Controller::request`].
-    fn request(&mut self, request: Request);
+    ///
+    /// # Errors
+    /// The drive's refusal.
+    fn request(&mut self, request: Request) -> Result<(), Refusal>;
     /// See [`Controller::step`].
     fn step(&mut self, measurement: Measurement) -> Command;
-    /// What the last step found.
+    /// What the last period found.
     fn record(&self) -> Record;
 }
 
-/// A telemetry record of any size, see [`Telemetry`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Record {
-    /// State of the drive.
-    pub state: State,
-    /// m
-    pub reference: f64,
-    /// N
-    pub disturbance: f64,
-    /// N
-    pub reaction_force: f64,
-    /// N
-    pub disturbance_state: f64,
-    /// Estimated state `x_a v_a x_1 v_1 …`, m and m/s.
-    pub estimate: Vec<f64>,
+/// A telemetry record of any size.
+pub type Record = Telemetry<Vec<f32>>;
+
+/// Estimated state `x_a v_a x_1 v_1 …` of a record, m and m/s.
+pub fn estimate(record: &Record) -> impl Iterator<Item = f64> {
+    let columns = record.columns();
+    let of_a_mass = columns.filter(|column| column.mass.is_some());
+    of_a_mass.map(|column| column.value)
 }
 
-impl<const N: usize> From<&Telemetry<N>> for Record {
-    fn from(telemetry: &Telemetry<N>) -> Self {
-        let mut estimate = vec![f64::from(telemetry.position), f64::from(telemetry.velocity)];
-        let loads = telemetry.load_position.iter().zip(&telemetry.load_velocity);
-        estimate.extend(loads.flat_map(|(x, v)| [f64::from(*x), f64::from(*v)]));
-        Self {
-            state: telemetry.state,
-            reference: telemetry.reference.into(),
-            disturbance: telemetry.disturbance.into(),
-            reaction_force: telemetry.reaction_force.into(),
-            disturbance_state: telemetry.disturbance_state.into(),
-            estimate,
-        }
-    }
-}
-
-impl<const N: usize, const S: usize> Corridor for Controller<N, S> {
-    fn request(&mut self, request: Request) {
-        Controller::request(self, request);
+impl<const N: usize, O: StateObserver<N> + Clone> Corridor for Controller<N, O> {
+    fn request(&mut self, request: Request) -> Result<(), Refusal> {
+        Controller::request(self, request)
     }
 
     fn step(&mut self, measurement: Measurement) -> Command {
@@ -62,47 +44,58 @@ impl<const N: usize, const S: usize> Corridor for Controller<N, S> {
     }
 
     fn record(&self) -> Record {
-        self.telemetry().into()
+        self.telemetry().map(|loads| loads.to_vec())
     }
 }
 
-/// Calls `$function::<N, S>($arguments)` with the sizes of a design.
+/// Calls `$function::<N, S, O>($design, O::new, "O", …)` with the core's observer of a design and its
+/// sizes.
 macro_rules! with_sizes {
-    ($design:expr, $function:ident ( $($argument:expr),* )) => {
-        match ($design.form(), $design.loads()) {
-            (Form::Anchored, 1) => $function::<1, 5>($($argument),*),
-            (Form::Anchored, 2) => $function::<2, 7>($($argument),*),
-            (Form::Anchored, 3) => $function::<3, 9>($($argument),*),
-            (Form::Anchored, 4) => $function::<4, 11>($($argument),*),
-            (Form::Anchored, 5) => $function::<5, 13>($($argument),*),
-            (Form::Anchored, 6) => $function::<6, 15>($($argument),*),
-            (Form::Reaction, 1) => $function::<1, 4>($($argument),*),
-            (Form::Reaction, 2) => $function::<2, 6>($($argument),*),
-            (Form::Reaction, 3) => $function::<3, 8>($($argument),*),
-            (Form::Reaction, 4) => $function::<4, 10>($($argument),*),
-            (Form::Reaction, 5) => $function::<5, 12>($($argument),*),
-            (Form::Reaction, 6) => $function::<6, 14>($($argument),*),
+    ($function:ident($design:expr $(, $argument:expr)*)) => {
+        with_sizes!(@ $function, $design, ($($argument),*),
+            Anchored: 1 5, 2 7, 3 9, 4 11, 5 13, 6 15;
+            Reaction: 1 4, 2 6, 3 8, 4 10, 5 12, 6 14;
+        )
+    };
+    (@ $function:ident, $design:expr, $arguments:tt,
+     $($observer:ident: $($loads:literal $states:literal),+;)+) => {
+        match ($design.drive.control.observer, $design.loads()) {
+            $($((Observer::$observer, $loads) => with_sizes!(
+                @@ $function::<$loads, $states, _>, $design, $observer, $arguments
+            ),)+)+
             (_, loads) => unreachable!("a drive has 1 to {MAX_LOADS} loads, not {loads}"),
         }
     };
+    (@@ $function:path, $design:expr, $observer:ident, ($($argument:expr),*)) => {
+        $function($design, $observer::new, stringify!($observer) $(, $argument)*)
+    };
 }
 
-/// The core with a design's gains.
+/// The core with a design's gains, and what it can play.
 ///
 /// # Errors
-/// When the core refuses the gains.
-pub fn corridor(design: &Design) -> Result<Box<dyn Corridor>, GainsError> {
-    fn build<const N: usize, const S: usize>(
+/// When the core refuses the settings.
+pub fn corridor(
+    design: &Design,
+    excitation: Option<Excitation>,
+) -> Result<Box<dyn Corridor>, SettingsError> {
+    fn build<const N: usize, const S: usize, O: StateObserver<N> + Clone + 'static>(
         design: &Design,
-    ) -> Result<Box<dyn Corridor>, GainsError> {
-        Ok(Box::new(Controller::<N, S>::new(&design.gains())?))
+        observer: impl FnOnce(LinearObserver<S>) -> O,
+        _: &str,
+        excitation: Option<Excitation>,
+    ) -> Result<Box<dyn Corridor>, SettingsError> {
+        let controller = Controller::new(&design.settings(observer))?;
+        Ok(match excitation {
+            Some(excitation) => Box::new(controller.with_excitation(excitation)),
+            None => Box::new(controller),
+        })
     }
-    with_sizes!(design, build(design))
+    with_sizes!(build(design, excitation))
 }
 
 /// The gains file for the firmware; `origin` says where the drive was described.
 #[must_use]
 pub fn gains_source(design: &Design, origin: &str) -> String {
-    use gains_file::source;
-    with_sizes!(design, source(design, origin))
+    with_sizes!(gains_file(design, origin))
 }

@@ -1,5 +1,6 @@
 //! What a run is judged by.
 
+use super::corridor::estimate;
 use crate::chain::controlled_mass;
 use crate::drive::SETTLING_BAND;
 use crate::simulate::Run;
@@ -98,7 +99,8 @@ impl Metrics {
         let rms = |element: usize| {
             let errors = samples.iter().filter_map(|sample| {
                 let record = sample.record.as_ref()?;
-                Some((record.estimate[element] - sample.truth[element]).powi(2))
+                let estimate = estimate(record).nth(element)?;
+                Some((estimate - sample.truth[element]).powi(2))
             });
             (errors.sum::<f64>() / samples.len() as f64).sqrt()
         };

@@ -60,9 +60,9 @@ mod replay {
             }
             let [r0, r1, c0, c1, i0, i1, i2, i3] = step;
             match u16::from_le_bytes([r0, r1]) {
-                1 => controller.request(Request::Commission),
-                2 => controller.request(Request::Start),
-                3 => controller.request(Request::Step(Position(0.03))),
+                1 => controller.request(Request::Commission).ok()?,
+                2 => controller.request(Request::Start).ok()?,
+                3 => controller.request(Request::Step(Position(0.03))).ok()?,
                 _ => {}
             }
             let command = controller.step(Measurement {

@@ -3,8 +3,8 @@
 //! The amplifier takes 0 to 3.3 V, half of it for zero current. Twelve bits and 1 mA per step
 //! reach ±2.047 A.
 
-use arso_firmware::board::CurrentOutput;
 use arso_core::{Command, Current};
+use arso_firmware::board::CurrentOutput;
 use embedded_hal::digital::OutputPin;
 use stm32f4xx_hal::dac::{C1, DacExt, DacOut, DacPin};
 use stm32f4xx_hal::gpio::{Output, gpioa, gpiob};

@@ -88,4 +88,3 @@ pub(crate) fn start(
         timer: control_timer::ControlTimer::new(device.TIM2, period_us, &mut rcc),
     }
 }
-

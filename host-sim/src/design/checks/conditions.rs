@@ -2,11 +2,9 @@
 //! whose motion shows in the reaction force (section III).
 
 use super::{Check, Design, Verdict, verdict};
-use crate::chain::load::{on_moving_actuator, relative_motion};
-use crate::design::observer::anchored_model;
+use crate::design::observer::Model;
 use crate::error::Result;
-use crate::linear::eigen::{eigenvalues, separation};
-use arso_core::observer::Form;
+use crate::linear::eigen::eigenvalues;
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 
 /// Whether the gain solves its Riccati equation.
@@ -28,27 +26,12 @@ pub(super) fn riccati_residual(design: &Design) -> Check {
 pub(super) fn distinct_eigenvalues(design: &Design) -> Result<Check> {
     let chain = &design.chain;
     let limit = 1e-6;
-    let (value, advice) = match design.form() {
-        Form::Anchored => {
-            let (anchored, _) = on_moving_actuator(chain);
-            let value = separation(&eigenvalues(&anchored)?);
-            let advice = "the free chain has a double zero (rigid motion; a single one with viscous \
-                          friction), on which eq. (17) alone has no hold; the anchored observer \
-                          does not estimate that motion but measures it, and its own eigenvalues, \
-                          those of the loads on a held actuator, must be distinct";
-            (value, advice)
-        }
-        Form::Reaction => {
-            let advice = "eq. (17) observes the free chain, whose position as a whole makes no \
-                          reaction force (a double zero of A without viscous friction): its error \
-                          is never corrected and grows under any unmodelled force; use observer = \
-                          \"anchored\"";
-            (0.0, advice)
-        }
-    };
-    let verdict = match design.form() {
-        Form::Anchored => verdict(value, limit, 1e-12),
-        Form::Reaction => Verdict::Warn,
+    let variant = design.observer_variant();
+    let (value, advice) = variant.distinct_eigenvalues(chain)?;
+    let verdict = if variant.rigid_motion() {
+        Verdict::Warn
+    } else {
+        verdict(value, limit, 1e-12)
     };
     Ok(Check {
         name: "distinct_eigenvalues",
@@ -69,28 +52,9 @@ pub(super) fn observability(design: &Design) -> Result<Check> {
         .first()
         .map_or(1.0, |mode| std::f64::consts::TAU * mode.frequency_hz);
     let stiffness = chain.stiffness[0];
-    let (a, c) = match design.form() {
-        Form::Anchored => {
-            let (a, b) = anchored_model(&design.drive, chain);
-            let n = b.len();
-            let mut c = RowDVector::zeros(n);
-            c[n - 2] = 1.0;
-            (a, c)
-        }
-        Form::Reaction => {
-            let (relative, lift) = relative_motion(chain);
-            (
-                &relative * chain.a() * &lift,
-                chain.reaction_force() * &lift,
-            )
-        }
-    };
+    let variant = design.observer_variant();
+    let Model { a, c, forces } = variant.model(&design.drive, chain);
     let n = a.nrows();
-    let forces = if design.form() == Form::Anchored {
-        3
-    } else {
-        0
-    };
     let unit = DVector::from_fn(n, |i, _| match i {
         i if i >= n - forces => stiffness,
         i if i % 2 == 1 => omega,
@@ -115,7 +79,7 @@ pub(super) fn observability(design: &Design) -> Result<Check> {
     }
     let limit = 1e-3;
     let hz = worst.norm() * omega / std::f64::consts::TAU;
-    let rigid = if design.form() == Form::Reaction {
+    let rigid = if variant.rigid_motion() {
         "; the rigid motion is not observable at all"
     } else {
         ""

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::design::assessment::Assessment;
-use crate::drive::Drive;
+use crate::drive::{Drive, Observer};
 
 fn design(change: impl FnOnce(&mut Drive)) -> Design {
     let mut drive = Drive::default_drive();
@@ -43,7 +43,7 @@ fn the_brake_check_foretells_commissioning() {
         let check = named(&design, "commissioning_brake");
         assert_eq!(check.verdict < Verdict::Refuse, brakes, "{check:?}");
         let plant = PlantFile::from(&design.drive);
-        let mut core = corridor(&design).unwrap();
+        let mut core = corridor(&design, None).unwrap();
         let commissioned = commission(core.as_mut(), &plant, 1e-3);
         assert_eq!(commissioned.is_ok(), brakes, "{current_weight}");
     }
@@ -93,7 +93,7 @@ fn bad_drives_are_found() {
         named(&slow, "samples_per_fastest_mode").verdict,
         Verdict::Warn
     );
-    let reaction = design(|drive| drive.control.observer = Form::Reaction);
+    let reaction = design(|drive| drive.control.observer = Observer::Reaction);
     assert_eq!(
         named(&reaction, "distinct_eigenvalues").verdict,
         Verdict::Warn
