@@ -352,7 +352,7 @@ fn the_machine_is_identified_from_the_boards_log() {
     let log = Log::parse(&csv[..], "log.csv", &drive).unwrap();
     let hold = ["actuator.force_constant".to_owned()];
     let parameters = Parameters::new(&drive, Experiment::Excitation, &hold).unwrap();
-    let found = identify(&drive, &log, &parameters).unwrap().entries(&drive);
+    let found = identify(&drive, &log, &parameters).unwrap().quantities;
     for (name, truth) in [
         ("actuator.mass", 0.059),
         ("load[1].stiffness", 350.0),
@@ -362,8 +362,10 @@ fn the_machine_is_identified_from_the_boards_log() {
         ("friction.coulomb", 0.1),
         ("friction.viscous", 0.2),
     ] {
-        let value = found[name].value;
-        println!("{name}: {value} +- {}", found[name].std);
+        let found = found.iter().find(|found| found.quantity.name() == name);
+        let found = found.unwrap_or_else(|| panic!("{name} is not there"));
+        let value = found.value;
+        println!("{name}: {value} +- {}", found.std);
         assert!((value / truth - 1.0).abs() < 0.01, "{name}: {value}");
     }
 }
