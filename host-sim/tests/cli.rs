@@ -1,5 +1,6 @@
 //! The program as the user runs it: exit codes, messages, files.
 
+use arso_core::{Mode, Telemetry};
 use assert_cmd::Command;
 use std::fs;
 
@@ -535,23 +536,39 @@ fn wrong_usage_is_exit_code_2() {
     assert!(error.contains("/nonexistent.toml"));
 }
 
+/// A record as the drive logs it and `probe-rs run` prints it.
+fn logged(period: u32, mode: Mode) -> String {
+    let record = Telemetry {
+        period,
+        mode,
+        count: 12,
+        applied_current: 0.001,
+        command: 0.002,
+        limited: false,
+        reference: 0.03,
+        position: 1.2e-5,
+        velocity: 0.0,
+        load_position: [0.0, 0.001],
+        load_velocity: [0.0, -0.5],
+        reaction_force: 0.1,
+        disturbance: 0.1,
+        disturbance_state: 0.0,
+        cycles: 1100,
+    };
+    let mut buffer = [0; 128];
+    let bytes = postcard::to_slice(&record, &mut buffer).unwrap();
+    format!("DEBUG record {bytes:?}")
+}
+
 /// A log as `probe-rs run` prints it, through a file, standard input and TCP.
 #[test]
 fn a_log_in_text_is_captured() {
     use std::io::Write;
-    let record = |step: u32, state: &str| {
-        format!(
-            "DEBUG Telemetry {{ step: {step}, state: {state}, count: 12, applied_current: 0.001, \
-             reference: 0.03, position: 1.2e-5, velocity: 0.0, disturbance: 0.1, \
-             reaction_force: 0.1, load_position: [0.0, 0.001], load_velocity: [0.0, -0.5], \
-             disturbance_state: 0.0, command: 0.002, limited: false, cycles: 1100 }}"
-        )
-    };
     let lines = [
-        record(1, "Ready"),
+        logged(1, Mode::Ready),
         "INFO running".into(),
-        record(2, "Running"),
-        record(4, "Running"),
+        logged(2, Mode::Running),
+        logged(4, Mode::Running),
     ];
     let log = lines.join("\n");
     let directory = tempfile::tempdir().unwrap();
@@ -567,13 +584,13 @@ fn a_log_in_text_is_captured() {
     ];
     let (code, text, error) = run(&file);
     assert_eq!(code, 0, "{error}");
-    assert!(text.contains("3 control steps, 1 lost"), "{text}");
+    assert!(text.contains("3 control periods, 1 lost"), "{text}");
     assert!(
-        error.contains("INFO running") && error.contains("1 control steps missing"),
+        error.contains("INFO running") && error.contains("1 control periods missing"),
         "{error}"
     );
     let csv = fs::read_to_string(out.join("log.csv")).unwrap();
-    assert!(csv.starts_with("time[s],step[1],state[name],"));
+    assert!(csv.starts_with("time[s],period[1],mode[name],"));
     assert!(
         csv.lines().nth(3).unwrap().starts_with("0.003,4,Running,"),
         "{csv}"
@@ -638,7 +655,7 @@ fn ctrl_c_ends_a_capture_with_its_records() {
         .unwrap();
     let mut server = listener.accept().unwrap().0;
     server
-        .write_all(b"x Telemetry { step: 1, state: Idle, count: 7, cycles: 9 }\nINFO seen\n")
+        .write_all(format!("{}\nINFO seen\n", logged(1, Mode::Idle)).as_bytes())
         .unwrap();
     // The message shows that the record before it has been read.
     let mut messages = BufReader::new(capture.stderr.take().unwrap());
@@ -654,7 +671,8 @@ fn ctrl_c_ends_a_capture_with_its_records() {
     let csv = String::from_utf8(output.stdout).unwrap();
     assert_eq!(
         csv,
-        "time[s],step[1],state[name],count[1],cycles[1]\n0,1,Idle,7,9\n"
+        "time[s],period[1],mode[name],count[1],applied_current[A],command[A],limited[1],\
+         actuator_position[m],cycles[1]\n0,1,Idle,12,0.001,0.002,0,0.000012,1100\n"
     );
 }
 
@@ -680,7 +698,7 @@ fn logs_that_cannot_be_read_get_a_sentence() {
             2,
             "not an ELF",
         ),
-        (&["capture", "--rtt", empty], 1, "holds no control step"),
+        (&["capture", "--rtt", empty], 1, "holds no control period"),
         (
             &["capture", "--tcp", "127.0.0.1:1"],
             2,

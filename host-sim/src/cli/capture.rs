@@ -101,7 +101,7 @@ impl CaptureCommand {
         };
         if capture.records.is_empty() {
             return Err(Error::Capture(format!(
-                "the log of {} bytes holds no control step ({} damaged frames)",
+                "the log of {} bytes holds no control period ({} damaged frames)",
                 capture.bytes, capture.malformed
             )));
         }
@@ -130,7 +130,7 @@ impl CaptureCommand {
 fn warn_of_damage(capture: &Capture) {
     if capture.malformed > 0 || capture.lost > 0 {
         eprintln!(
-            "warning: {} damaged frames skipped, {} control steps missing",
+            "warning: {} damaged frames skipped, {} control periods missing",
             capture.malformed, capture.lost
         );
     }

@@ -11,6 +11,8 @@ use argmin::solver::neldermead::NelderMead;
 
 const BANDS: [f64; 4] = [0.01, 0.014, 0.02, 0.028];
 const ITERATIONS: u64 = 60;
+/// How many of the grid's points are improved.
+const STARTS: usize = 3;
 /// Size of the first simplex in each variable, a logarithm.
 const SIMPLEX: f64 = 0.15;
 
@@ -50,24 +52,28 @@ pub(super) fn search(grid: &[Vec<f64>], cost: impl Fn(&[f64]) -> f64) -> Result<
             })
             .collect();
     }
-    let costs = points.iter().map(|point| cost(point));
-    let best = costs
-        .zip(&points)
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, point)| point.clone())
-        .unwrap_or_default();
-    let mut simplex = vec![best.clone()];
-    for i in 0..best.len() {
-        let mut corner = best.clone();
-        corner[i] += SIMPLEX;
-        simplex.push(corner);
+    let mut judged: Vec<(f64, Vec<f64>)> =
+        points.into_iter().map(|point| (cost(&point), point)).collect();
+    judged.sort_by(|a, b| a.0.total_cmp(&b.0));
+    judged.truncate(STARTS);
+    let mut best = judged.first().cloned().unwrap_or_default();
+    for (_, start) in judged {
+        let mut simplex = vec![start.clone()];
+        for i in 0..start.len() {
+            let mut corner = start.clone();
+            corner[i] += SIMPLEX;
+            simplex.push(corner);
+        }
+        let failed = |error| Error::Comparison(format!("a rival cannot be tuned: {error}"));
+        let result = Executor::new(Problem(&cost), NelderMead::new(simplex))
+            .configure(|state| state.max_iters(ITERATIONS))
+            .run()
+            .map_err(failed)?;
+        if let (true, Some(point)) = (result.state.best_cost < best.0, result.state.best_param) {
+            best = (result.state.best_cost, point);
+        }
     }
-    let failed = |error| Error::Comparison(format!("a rival cannot be tuned: {error}"));
-    let result = Executor::new(Problem(cost), NelderMead::new(simplex))
-        .configure(|state| state.max_iters(ITERATIONS))
-        .run()
-        .map_err(failed)?;
-    Ok(result.state.best_param.unwrap_or(best))
+    Ok(best.1)
 }
 
 #[cfg(test)]
