@@ -291,8 +291,7 @@ mod tests {
     use super::*;
     use crate::drive::Drive;
 
-    /// THEORY section 4 computed full-state feedback and a PD law tuned for its worst settling time
-    /// with another program: the same figures for the first, and as good a worst case for the second.
+    /// Another program computed full-state feedback and a PD law tuned for its worst settling time: the same figures for the first, and as good a worst case for the second.
     #[test]
     fn figures_are_those_computed_elsewhere() {
         let design = Design::new(&Drive::default_drive()).unwrap();

@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_discrete_are
 
 LIMIT = 1e-6
-# Ratios of the observer's noise densities, THEORY section 4: forces on the loads, random walk of
+# Ratios of the observer's noise densities, core/src/theory.md, (17): forces on the loads, random walk of
 # the disturbance, over the noise of the measured force.
 FORCE_RATIO, DISTURBANCE_RATIO = 0.3 / np.sqrt(1e-3), 300.0
 

@@ -71,7 +71,7 @@ impl Chain {
 mod tests {
     use super::*;
 
-    /// Modes of the reference rig as THEORY states them: 11.9, 25.9, 36.3 Hz, 1.2 to 3.8 %.
+    /// Modes of the reference rig as `arso_core::theory`, (1), has them: 11.9, 25.9, 36.3 Hz, 1.2 to 3.8 %.
     /// Two equal masses on one spring: ω² = 2 k / m, in closed form.
     #[test]
     fn modes_of_known_chains() {

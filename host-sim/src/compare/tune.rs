@@ -52,8 +52,10 @@ pub(super) fn search(grid: &[Vec<f64>], cost: impl Fn(&[f64]) -> f64) -> Result<
             })
             .collect();
     }
-    let mut judged: Vec<(f64, Vec<f64>)> =
-        points.into_iter().map(|point| (cost(&point), point)).collect();
+    let mut judged: Vec<(f64, Vec<f64>)> = points
+        .into_iter()
+        .map(|point| (cost(&point), point))
+        .collect();
     judged.sort_by(|a, b| a.0.total_cmp(&b.0));
     judged.truncate(STARTS);
     let mut best = judged.first().cloned().unwrap_or_default();

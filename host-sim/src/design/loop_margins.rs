@@ -57,8 +57,8 @@ mod tests {
         Design::new(&Drive::default_drive()).unwrap()
     }
 
-    /// THEORY section 4: feedback of the full state has 24 dB and 6.3 ms. Independent of the frequency
-    /// response: with six samples of delay in the loop its poles are inside the unit circle, with
+    /// Feedback of the full state has 24 dB and 6.4 ms (`arso_core::theory`, Margins). Independent of the
+    /// frequency response: with six samples of delay in the loop its poles are inside the unit circle, with
     /// seven they are not, and the margin of 6.4 ms is between.
     #[test]
     fn full_state_margins_are_as_computed_elsewhere() {

@@ -24,7 +24,7 @@ mod tests {
     use crate::drive::Drive;
     use crate::machine::chain_of;
 
-    /// THEORY: the default drive's gain, and the rigid-mode identity of the continuous case,
+    /// `arso_core::theory`, (13) and (14): the default drive's gain, and the rigid-mode identity of the continuous case,
     /// (sum of position gains)² = (sum of weights) / R, which sampling approaches as the period
     /// shrinks: 1.85 A/m short at 1 ms, in proportion to it.
     #[test]

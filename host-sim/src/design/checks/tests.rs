@@ -16,7 +16,7 @@ fn named(design: &Design, name: &str) -> Check {
     checks.find(|check| check.name == name).unwrap()
 }
 
-/// THEORY section 3: 0.005, 0.026, 0.104 N at 1, 5, 20 um.
+/// `arso_core::theory`, Noise: 0.005, 0.026, 0.104 N at 1, 5, 20 um.
 #[test]
 fn force_noise_is_as_computed_elsewhere() {
     for (resolution, expected) in [(1e-6, 0.005), (5e-6, 0.026), (20e-6, 0.104)] {

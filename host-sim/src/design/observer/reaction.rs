@@ -11,7 +11,7 @@ use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::linear::eigen::spectral_radius;
 use crate::linear::zoh::zero_order_hold;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, RowDVector};
 
 pub(super) struct Reaction;
 
@@ -24,7 +24,8 @@ impl Variant for Reaction {
 
         let (relative, lift) = relative_motion(chain);
         let a_relative = &relative * &a * &lift;
-        let output_relative = chain.reaction_force() * &lift;
+        let output = seen(chain);
+        let output_relative = &output * &lift;
         let transition_relative = &relative * &transition * &lift;
 
         let n = 2 * loads;
@@ -46,7 +47,7 @@ impl Variant for Reaction {
         let observer = ObserverDesign {
             transition,
             input,
-            output: chain.reaction_force(),
+            output,
             correction: lift * gain,
         };
         // With friction in the model the relative motion is not all; nothing may grow but what rounding
@@ -64,7 +65,7 @@ impl Variant for Reaction {
         let (relative, lift) = relative_motion(chain);
         Model {
             a: &relative * chain.a() * &lift,
-            c: chain.reaction_force() * &lift,
+            c: seen(chain) * &lift,
             forces: 0,
         }
     }
@@ -87,4 +88,12 @@ impl Variant for Reaction {
     fn estimate(&self, z: &DVector<f64>, _: [f64; 2]) -> (DVector<f64>, f64) {
         (z.clone(), 0.0)
     }
+}
+
+/// Output row of the force that (18) finds: the reaction force, and the viscous friction of the actuator,
+/// which cannot be told from it.
+fn seen(chain: &Chain) -> RowDVector<f64> {
+    let mut output = chain.reaction_force();
+    output[1] += chain.viscous;
+    output
 }

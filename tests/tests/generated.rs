@@ -1,4 +1,5 @@
-//! The gains and the excitation in the firmware are those of the default drive.
+//! What is generated is up to date: gains and excitation in the firmware are those of the default drive,
+//! and the faults in the README those of the core.
 
 use host_sim::design::Design;
 use host_sim::drive::{DEFAULT_NAME, Drive};
@@ -36,4 +37,19 @@ fn the_firmware_has_the_excitation_of_the_default_drive() {
     assert_eq!(excitation::EXCITATION.profile, play.table);
     assert_eq!(excitation::EXCITATION.repetitions, play.repetitions);
     assert_eq!(excitation::SAMPLE_TIME, gains::GAINS.sample_time);
+}
+
+/// The README's table of faults is the core's.
+#[test]
+fn the_readme_lists_every_fault() {
+    let readme = include_str!("../../README.md");
+    for fault in arso_core::Fault::ALL {
+        let row = format!(
+            "| {} `{}` | {} |\n",
+            fault.number(),
+            fault.name(),
+            fault.sentence()
+        );
+        assert!(readme.contains(&row), "README.md has no row {row}");
+    }
 }
