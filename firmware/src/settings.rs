@@ -17,7 +17,10 @@ const _: () = assert!(
     "excitation and gains are made for different control periods"
 );
 
-/// Holds the settings against what a board can do; where they do not fit, nothing compiles.
+/// Holds the settings against what a board can do, at compile time.
+///
+/// # Panics
+/// Where they do not fit, which then does not compile.
 pub const fn require_fit(board: &Capabilities) {
     assert!(
         GAINS.encoder.counter_bits == board.counter_bits,

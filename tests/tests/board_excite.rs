@@ -39,7 +39,7 @@ fn decode(rig: &Rig) -> Capture {
     read_defmt(&arso_tests::firmware(), "firmware", &rig.log[..], |_| ()).unwrap()
 }
 
-/// What the firmware has, as `host-sim excite` forms it (`gains_file.rs` shows that it is the same).
+/// What the firmware has, as `host-sim excite` forms it (`generated.rs` shows that it is the same).
 fn play(drive: &Drive) -> ExcitationPlan {
     ExcitationPlan::new(drive, &ExcitationRequest::default()).unwrap()
 }
