@@ -220,7 +220,7 @@ impl Drive {
     /// Reads a drive file, or the embedded default where none is given.
     ///
     /// # Errors
-    /// [`Error::Read`](crate::error::Error::Read) or [`Error::Input`](crate::error::Error::Input).
+    /// [`Error::Read`] or [`Error::Input`].
     pub fn load(path: Option<&Path>) -> Result<Self> {
         match path {
             None => Self::parse(DEFAULT_DRIVE, DEFAULT_NAME),
@@ -232,7 +232,7 @@ impl Drive {
     /// * `name`: of the file, for messages
     ///
     /// # Errors
-    /// [`Error::Input`](crate::error::Error::Input).
+    /// [`Error::Input`], or [`Error::PlantOnly`] for a table of a plant file.
     pub fn parse(text: &str, name: &str) -> Result<Self> {
         let (document, raw) = Document::open(text, name)?;
         if let Some(force) = raw.force.first() {
@@ -286,7 +286,7 @@ impl PlantFile {
     /// nothing.
     ///
     /// # Errors
-    /// [`Error::Read`](crate::error::Error::Read) or [`Error::Input`](crate::error::Error::Input).
+    /// [`Error::Read`] or [`Error::Input`].
     pub fn load(path: &Path) -> Result<Self> {
         Self::parse(&read(path)?, &path.display().to_string())
     }
@@ -295,7 +295,7 @@ impl PlantFile {
     /// * `name`: of the file, for messages
     ///
     /// # Errors
-    /// [`Error::Input`](crate::error::Error::Input).
+    /// [`Error::Input`].
     pub fn parse(text: &str, name: &str) -> Result<Self> {
         let (document, raw) = Document::open(text, name)?;
         let actuator = document.actuator(&raw.actuator)?;

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Nothing here knows a drive, a file or a unit. What cannot be solved is a
-//! [`NoSolution`](crate::error::NoSolution).
+//! [`NoSolution`].
 
 pub mod dare;
 pub mod dlqe;

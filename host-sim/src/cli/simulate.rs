@@ -135,7 +135,7 @@ impl Simulate {
                 text += &format!(", plant: {plant}");
             }
             text += &format!("\n{}\n", design::tables(&design)?);
-            text += &experiments::table_of(&design, &runs);
+            text += &experiments::tables(&design, &runs);
             text += &format!("Plots and CSV of every step: {}\n", self.out.display());
             print(&text)?;
         }

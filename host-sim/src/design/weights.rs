@@ -1,7 +1,7 @@
 //! The weights of the performance index (2), from however the description states them.
 //!
 //! Given ones are taken as they are, the paper's follow from the energies of the chain, those of a
-//! settling time are searched for ([`settling`]).
+//! settling time are searched for (`settling`).
 
 mod settling;
 

@@ -34,7 +34,7 @@ pub enum Signal {
 }
 
 impl Signal {
-    /// As the command line names it.
+    /// Its name.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -20,7 +20,7 @@ pub fn law_name(law: Law, design: &Design) -> &'static str {
 
 /// The experiments' figures, one row per run.
 #[must_use]
-pub fn table_of(design: &Design, runs: &[(Run, Metrics)]) -> String {
+pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
     let mass = controlled_mass(design.loads());
     let micro = design.drive.kind.units().micro_position;
     let settling = format!("settling mass {mass} [ms]");

@@ -28,7 +28,7 @@ pub enum Start {
 /// One experiment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scenario {
-    /// Name on the command line.
+    /// Its name.
     pub name: &'static str,
     /// What it shows, for a linear drive.
     pub linear_title: &'static str,
