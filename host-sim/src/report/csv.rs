@@ -13,9 +13,9 @@ use arso_core::telemetry::Column;
 /// The run as CSV.
 ///
 /// # Errors
-/// [`Error::Simulation`] when the rows cannot be formed.
+/// [`Error::Report`] when the rows cannot be formed.
 pub fn csv(run: &Run) -> Result<Vec<u8>> {
-    let failed = |error: String| Error::Simulation(format!("its CSV cannot be formed: {error}"));
+    let failed = |error: String| Error::Report(format!("its CSV cannot be formed: {error}"));
     let mut writer = ::csv::Writer::from_writer(Vec::new());
     let masses = run
         .samples
