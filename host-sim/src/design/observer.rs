@@ -1,6 +1,6 @@
 //! Gain of the action-reaction state observer, eq. (17): steady-state Kalman filter or placed poles.
 //!
-//! [`Variant`] is what design and analysis ask of one; the variants are those of the core, a file each.
+//! `Variant` is what design and analysis ask of one; the variants are those of the core, a file each.
 //!
 //! The Kalman weights are ratios to the density of the measurement noise of `f_reac_hat`, so they mean
 //! the same for every sample time and every size of drive.
