@@ -10,23 +10,24 @@
 mod activity;
 
 use crate::check::SettingsError;
-use crate::direction_check::{Action, DirectionCheck};
+use crate::direction_check::{Action, DirectionCheck, PATIENCE};
 use crate::disturbance::DisturbanceObserver;
 use crate::encoder::{self, Encoder, Reading};
 use crate::excitation::Excitation;
-use crate::fault::Fault;
+use crate::fault::{Fault, Reaction};
 use crate::limits::Limits;
 use crate::link::{Reason, Refusal, Request};
 use crate::mode::Mode;
 use crate::moves::rigid::RigidMoves;
 use crate::observer::{Seen, StateObserver};
-use crate::protection::Protection;
+use crate::protection::{Period, Protection, Trip};
 use crate::reaction_force::ReactionForceObserver;
 use crate::regulator::Regulator;
+use crate::rest::Rest;
 use crate::settings::Settings;
 use crate::telemetry::Telemetry;
-use crate::units::{Counts, Current};
-use activity::{Activity, Commissioning, Exciting, Loop, Running};
+use crate::units::{Counts, Current, Position};
+use activity::{Activity, Commissioning, Exciting, Loop, Running, Start, Stopping};
 
 /// What the drive measures once per period.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +64,7 @@ pub struct Controller<const N: usize, O: StateObserver<N>> {
 #[derive(Clone, Debug)]
 struct Parts<const N: usize, O> {
     encoder: Encoder,
-    protection: Protection,
+    protection: Protection<N>,
     disturbance: DisturbanceObserver,
     reaction_force: ReactionForceObserver,
     observer: O,
@@ -71,6 +72,8 @@ struct Parts<const N: usize, O> {
     regulator: Regulator<N>,
     limits: Limits,
     direction_check: DirectionCheck,
+    rest: Rest,
+    sample_time: f32,
     /// `1 / k_f`, A/N.
     current_per_force: f32,
 }
@@ -92,13 +95,14 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             regulator,
             limits,
             motion,
+            protection: _,
         } = settings;
         let force_constant = actuator.actual_force_constant();
         let (g_dist, g_reac, period) = (*disturbance_cutoff, *reaction_force_cutoff, *sample_time);
         Ok(Self {
             parts: Parts {
                 encoder: *encoder,
-                protection: Protection::new(limits),
+                protection: Protection::new(settings),
                 disturbance: DisturbanceObserver::new(actuator, g_dist, period),
                 reaction_force: ReactionForceObserver::new(actuator, g_dist, g_reac, period),
                 observer: observer.clone(),
@@ -106,6 +110,8 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
                 regulator: *regulator,
                 limits: *limits,
                 direction_check: DirectionCheck::new(limits, encoder.resolution, period),
+                rest: Rest::new(encoder.resolution, period),
+                sample_time: period,
                 current_per_force: 1.0 / force_constant,
             },
             excitation: None,
@@ -144,9 +150,17 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             (Request::Step(_) | Request::Move(_), _, Activity::Running(running)) => {
                 running.asked = Some(request);
             }
-            (_, _, activity) => *activity = Activity::enter(next),
+            (_, _, activity) => activity.enter(next, Position(self.telemetry.position)),
         }
+        self.telemetry.fault_value = 0.0;
         Ok(())
+    }
+
+    /// Stops the drive with a fault that was found outside of it; the first fault stays.
+    pub fn trip(&mut self, fault: Fault) {
+        if !matches!(self.mode(), Mode::Fault(_)) {
+            self.activity.trip(fault);
+        }
     }
 
     /// What the drive is doing.
@@ -181,30 +195,32 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             telemetry.forget_estimates();
         }
 
-        let fault = if mode.energised() {
+        let watched = if mode.energised() {
             parts.protection.step(&reading, measurement.current)
         } else {
-            None
+            Ok(())
         };
-        let result = match (fault, &mut self.activity) {
-            (Some(fault), _) => Err(fault),
-            (None, Activity::Running(running)) => {
+        let result = watched.and_then(|()| match &mut self.activity {
+            Activity::Running(running) => {
                 parts.run(running, measurement.current, &reading, telemetry)
             }
-            (None, Activity::Commissioning(memory)) => parts.commission(memory, &reading),
-            (None, Activity::Exciting(memory)) => parts.excite(memory, &reading),
-            (None, Activity::Idle | Activity::Ready | Activity::Fault(_)) => {
+            Activity::Commissioning(memory) => parts.commission(memory, &reading),
+            Activity::Exciting(memory) => parts.excite(memory, &reading),
+            Activity::Ready(rest) => {
+                parts.rest.may_start(rest, reading.position);
                 Ok(Some(Command::default()))
             }
-        };
+            Activity::Idle | Activity::Fault(_) => Ok(Some(Command::default())),
+        });
         let command = match result {
             Ok(Some(command)) => command,
             Ok(None) => {
-                self.activity = Activity::enter(mode.completed());
+                self.activity.enter(mode.completed(), reading.position);
                 Command::default()
             }
-            Err(fault) => {
-                self.activity = Activity::Fault(fault);
+            Err(trip) => {
+                telemetry.fault_value = trip.value;
+                self.activity.trip(trip.fault);
                 Command::default()
             }
         };
@@ -220,15 +236,13 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
 }
 
 /// What a mode says for one period: a command, or nothing when it has done what it is there for.
-type Outcome = Result<Option<Command>, Fault>;
+type Outcome = Result<Option<Command>, Trip>;
 
 impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
     /// Commissioning: open loop until the signs are proven, closed from then on.
     fn commission(&self, memory: &mut Commissioning, reading: &Reading) -> Outcome {
-        match self
-            .direction_check
-            .step(&mut memory.direction_check, reading.position)?
-        {
+        let check = &self.direction_check;
+        match check.step(&mut memory.direction_check, reading.position)? {
             Action::Wait => Ok(Some(Command::default())),
             Action::Push(current) => self.limited(current),
             Action::Brake(origin) => {
@@ -264,6 +278,17 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         reading: &Reading,
         telemetry: &mut Telemetry<[f32; N]>,
     ) -> Outcome {
+        // Never from motion: rest is proven first.
+        if let Start::WaitingForRest(rest, periods) = &mut running.start {
+            if !self.rest.rested(rest) && !self.rest.may_start(rest, reading.position) {
+                *periods = periods.saturating_add(1);
+                if *periods as f32 * self.sample_time > PATIENCE {
+                    return Err(Fault::NotAtRest.into());
+                }
+                return Ok(Some(Command::default()));
+            }
+            running.start = Start::AtRest;
+        }
         let (memory, displacement, current) = match &mut running.memory {
             Some(memory) => (memory, reading.displacement, current),
             // What was before the start is not the observers' to know.
@@ -291,14 +316,14 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         match running.asked {
             Some(Request::Step(position)) => {
                 if !position.0.is_finite() {
-                    return Err(Fault::Target);
+                    return Err(Fault::Target.into());
                 }
                 self.moves.step_to(&mut memory.moves, position);
                 running.asked = None;
             }
             Some(Request::Move(position)) if !self.moves.moving(&memory.moves) => {
                 if !self.moves.move_to(&mut memory.moves, position) {
-                    return Err(Fault::Target);
+                    return Err(Fault::Target.into());
                 }
                 running.asked = None;
             }
@@ -307,9 +332,6 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         let reference = self.moves.step(&mut memory.moves);
         let feedback = self.regulator.step(&estimate, &reference);
         let compensation = estimate.disturbance.0 * self.current_per_force;
-        let command = self.limited(Current(
-            reference.feed_forward.0 + feedback.0 + compensation,
-        ))?;
 
         telemetry.reference = reference.position.0;
         telemetry.velocity = estimate.velocity.0;
@@ -320,7 +342,33 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         for (position, deflection) in telemetry.load_position.iter_mut().zip(&estimate.deflection) {
             *position = estimate.position.0 + deflection;
         }
-        Ok(command)
+
+        let period = Period {
+            reading,
+            current,
+            reaction_force,
+            estimate: &estimate,
+            reference: &reference,
+        };
+        if let Err(trip) = self.protection.running(&mut memory.protection, &period) {
+            if trip.fault.reaction() == Reaction::Off {
+                return Err(trip);
+            }
+            // What led to the braking is no news while it goes on.
+            if running.stopping.is_none() {
+                telemetry.fault_value = trip.value;
+                running.stopping = Some(Stopping::new(trip.fault, reading.position));
+                self.moves.step_to(&mut memory.moves, reading.position);
+            }
+        }
+        if let Some(stopping) = &mut running.stopping
+            && stopping.ended(&self.rest, reading.position, self.sample_time)
+        {
+            return Ok(None);
+        }
+        self.limited(Current(
+            reference.feed_forward.0 + feedback.0 + compensation,
+        ))
     }
 
     /// The command that applies a current as far as the limits allow.

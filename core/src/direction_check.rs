@@ -15,16 +15,13 @@
 
 use crate::fault::Fault;
 use crate::limits::Limits;
+use crate::rest::{self, Rest};
 use crate::units::{Current, Position};
 
 /// Counts that prove a direction.
 const COUNTS: f32 = 50.0;
-/// Counts within which the encoder stands still.
-const REST_COUNTS: f32 = 2.5;
-/// How long it must stand still, s.
-const REST_TIME: f32 = 0.05;
 /// How long to wait for that, before and after the ramp, s.
-const PATIENCE: f32 = 2.0;
+pub(crate) const PATIENCE: f32 = 2.0;
 /// How long the current rises, s, and to which share of its limit.
 const RAMP_TIME: f32 = 0.5;
 const RAMP_SHARE: f32 = 0.5;
@@ -48,6 +45,7 @@ pub struct DirectionCheck {
     sample_time: f32,
     resolution: f32,
     largest_current: f32,
+    rest: Rest,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -62,13 +60,11 @@ enum Phase {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
     phase: Phase,
-    /// Periods in this phase, and for how many the encoder has stood still.
+    /// Periods in this phase.
     periods: u32,
-    still: u32,
+    rest: rest::Memory,
     /// Where the actuator was when the current began to rise.
     origin: Option<f32>,
-    /// Where it was last seen to move.
-    anchor: f32,
 }
 
 impl DirectionCheck {
@@ -80,6 +76,7 @@ impl DirectionCheck {
             sample_time,
             resolution,
             largest_current: RAMP_SHARE * limits.current_limit,
+            rest: Rest::new(resolution, sample_time),
         }
     }
 
@@ -98,22 +95,15 @@ impl DirectionCheck {
         let moved = (position.0 - origin) / self.resolution;
         let time = memory.periods as f32 * self.sample_time;
         memory.periods = memory.periods.saturating_add(1);
-        let band = if memory.phase == Phase::Rest {
-            REST_COUNTS
+        let rested = if memory.phase == Phase::Rest {
+            self.rest.step(&mut memory.rest, position)
         } else {
-            COUNTS
+            self.rest.within(&mut memory.rest, position, COUNTS)
         };
-        if (position.0 - memory.anchor).abs() <= band * self.resolution {
-            memory.still = memory.still.saturating_add(1);
-        } else {
-            memory.still = 0;
-            memory.anchor = position.0;
-        }
-        let rested = memory.still as f32 * self.sample_time >= REST_TIME;
         let next = |phase, origin| Memory {
             phase,
             origin: Some(origin),
-            anchor: position.0,
+            rest: rest::Memory::at(position),
             ..Memory::default()
         };
 

@@ -18,7 +18,7 @@
 //! | [`limits`] | limiting of the command | |
 //! | [`controller`] | the corridor: [`Controller::step`] | |
 //! | [`mode`], [`link`] | what the drive does; what is asked of it, and its answers | |
-//! | [`fault`], `protection` | the faults, and what watches for them | |
+//! | [`fault`], [`protection`] | the faults, and what watches for them | |
 //! | `direction_check` | a small motion that proves the signs | |
 //! | [`excitation`] | a current played in open loop, for identification | |
 //! | [`settings`] | all that the core knows of a drive, plain data | |
@@ -65,9 +65,10 @@ pub mod link;
 pub mod mode;
 pub mod moves;
 pub mod observer;
-mod protection;
+pub mod protection;
 pub mod reaction_force;
 pub mod regulator;
+mod rest;
 pub mod settings;
 pub mod telemetry;
 #[doc = include_str!("theory.md")]

@@ -1,6 +1,5 @@
 //! What is asked of the drive, and what it answers. Plain data without a transport.
 
-use crate::fault::Fault;
 use crate::mode::Mode;
 use crate::units::Position;
 use core::fmt;
@@ -61,9 +60,8 @@ impl Mode {
             (Self::Ready, Request::Start)
             | (Self::Running, Request::Step(_) | Request::Move(_)) => Ok(Self::Running),
             (Self::Running | Self::Ready, Request::Stop) => Ok(Self::Ready),
-            (Self::Idle | Self::Commissioning | Self::Exciting | Self::Fault(_), Request::Stop) => {
-                Ok(Self::Idle)
-            }
+            // Whatever else is going on.
+            (_, Request::Stop) => Ok(Self::Idle),
             (mode, request) => Err(Refusal {
                 request,
                 mode,
@@ -93,13 +91,11 @@ impl fmt::Display for Refusal {
             Mode::Exciting => f.write_str("exciting"),
             Mode::Ready => f.write_str("ready"),
             Mode::Running => f.write_str("running"),
-            Mode::Fault(fault) => write_fault(f, fault),
+            Mode::Stopping(fault) | Mode::Fault(fault) => {
+                write!(f, "stopped by fault {} ({})", fault.number(), fault.name())
+            }
         }
     }
-}
-
-fn write_fault(f: &mut fmt::Formatter<'_>, fault: Fault) -> fmt::Result {
-    write!(f, "stopped by fault {} ({})", fault.number(), fault.name())
 }
 
 impl core::error::Error for Refusal {}
@@ -109,14 +105,17 @@ mod tests {
     extern crate std;
 
     use super::*;
+    use crate::fault::Fault;
     use std::string::ToString;
+    use std::vec;
 
-    const MODES: [Mode; 6] = [
+    const MODES: [Mode; 7] = [
         Mode::Idle,
         Mode::Commissioning,
         Mode::Exciting,
         Mode::Ready,
         Mode::Running,
+        Mode::Stopping(Fault::Thermal),
         Mode::Fault(Fault::Travel),
     ];
 
@@ -128,42 +127,34 @@ mod tests {
         let taken = [
             (
                 Request::Commission,
-                [
-                    Some(Commissioning),
-                    None,
-                    None,
-                    Some(Commissioning),
-                    None,
-                    None,
-                ],
+                vec![(Mode::Idle, Commissioning), (Ready, Commissioning)],
             ),
             (
                 Request::Excite,
-                [Some(Exciting), None, None, Some(Exciting), None, None],
+                vec![(Mode::Idle, Exciting), (Ready, Exciting)],
             ),
-            (
-                Request::Start,
-                [None, None, None, Some(Running), None, None],
-            ),
+            (Request::Start, vec![(Ready, Running)]),
             (
                 Request::Stop,
-                [
-                    Some(Idle),
-                    Some(Idle),
-                    Some(Idle),
-                    Some(Ready),
-                    Some(Ready),
-                    Some(Idle),
+                vec![
+                    (Idle, Idle),
+                    (Commissioning, Idle),
+                    (Exciting, Idle),
+                    (Ready, Ready),
+                    (Running, Ready),
+                    (Mode::Stopping(Fault::Thermal), Idle),
+                    (Mode::Fault(Fault::Travel), Idle),
                 ],
             ),
-            (step, [None, None, None, None, Some(Running), None]),
-            (
-                Request::Move(Position(0.01)),
-                [None, None, None, None, Some(Running), None],
-            ),
+            (step, vec![(Running, Running)]),
+            (Request::Move(Position(0.01)), vec![(Running, Running)]),
         ];
         for (request, row) in taken {
-            for (mode, expected) in MODES.into_iter().zip(row) {
+            for mode in MODES {
+                let expected = row
+                    .iter()
+                    .find(|(from, _)| *from == mode)
+                    .map(|(_, to)| *to);
                 let refusal = Refusal {
                     request,
                     mode,

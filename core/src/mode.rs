@@ -4,9 +4,10 @@
 //! Idle --Commission--> Commissioning --signs proven--> Ready --Start--> Running --Stop--> Ready
 //! Idle, Ready --Excite--> Exciting --all played, Stop--> Idle
 //! any mode --fault--> Fault --Stop--> Idle
+//! Running --fault that leaves the loop trustworthy--> Stopping --at rest--> Fault
 //! ```
 //!
-//! Current flows in `Commissioning`, `Exciting` and `Running` alone. The loop is never closed before
+//! Current flows in `Commissioning`, `Exciting`, `Running` and `Stopping` alone. The loop is never closed before
 //! the signs of encoder and current have been proven since the last reset, excitation or fault.
 //! [`Mode::next`] is the whole of that table; what a mode remembers is the controller's.
 
@@ -29,6 +30,8 @@ pub enum Mode {
     Ready,
     /// The loop is closed.
     Running,
+    /// The loop brakes the machine to a stand because of a fault.
+    Stopping(Fault),
     /// No current, until `Stop` acknowledges the fault.
     Fault(Fault),
 }
@@ -37,7 +40,10 @@ impl Mode {
     /// Whether current may flow.
     #[must_use]
     pub const fn energised(self) -> bool {
-        matches!(self, Self::Commissioning | Self::Exciting | Self::Running)
+        matches!(
+            self,
+            Self::Commissioning | Self::Exciting | Self::Running | Self::Stopping(_)
+        )
     }
 
     /// The mode that follows when this one has done what it is there for.
@@ -47,6 +53,7 @@ impl Mode {
             Self::Commissioning => Self::Ready,
             // What it did to the machine is not known: as after a reset.
             Self::Exciting => Self::Idle,
+            Self::Stopping(fault) => Self::Fault(fault),
             other => other,
         }
     }

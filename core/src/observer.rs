@@ -68,6 +68,8 @@ pub struct Estimate<const N: usize> {
     pub load_velocity: [f32; N],
     /// Disturbance on the actuator; zero where the observer has none.
     pub disturbance: Force,
+    /// Reaction force that the model did not expect, before it was corrected by it.
+    pub innovation: Force,
 }
 
 /// A linear observer of `S` states: one input, corrected by one output.
@@ -121,12 +123,13 @@ impl<const S: usize> LinearObserver<S> {
         finite("observer.correction", self.correction.iter())
     }
 
-    /// Predicts and corrects the state `z`.
-    fn step(&self, z: &mut SVector<f32, S>, input: f32, reaction_force: Force) {
+    /// Predicts and corrects the state `z`; the innovation.
+    fn step(&self, z: &mut SVector<f32, S>, input: f32, reaction_force: Force) -> Force {
         let mut predicted = self.product(z);
         predicted += self.input * input;
         let innovation = reaction_force.0 - (self.output * predicted).x;
         *z = predicted + self.correction * innovation;
+        Force(innovation)
     }
 
     /// `F z`, the same bits either way.

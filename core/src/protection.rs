@@ -1,34 +1,177 @@
 //! Protection: what is watched in every period in which current may flow.
 //!
-//! A file per watch, each with one job: it sees a period and says whether its fault is there. A new one
-//! is a file, a field here and a row in [`fault`](crate::fault).
+//! A file per watch, each with one job: it sees a period and says whether its fault is there, with the
+//! value that tripped it. A new one is a file, a line in one of the two functions here and a row in
+//! [`fault`](crate::fault). What merely has to stay within a limit is in `within`.
+//!
+//! ```text
+//! any mode with current   applied_current, encoder_jump
+//! running                 encoder_step, within, stall, saturation, thermal
+//! ```
 
 mod applied_current;
 mod encoder_jump;
+mod encoder_step;
+mod saturation;
+mod stall;
+mod thermal;
+mod within;
 
+use crate::check::{SettingsError, finite, positive};
 use crate::encoder::Reading;
 use crate::fault::Fault;
-use crate::limits::Limits;
-use crate::units::Current;
-use applied_current::AppliedCurrent;
+use crate::moves::Reference;
+use crate::observer::Estimate;
+use crate::settings::Settings;
+use crate::units::{Current, Force};
+use serde::{Deserialize, Serialize};
+use serde_big_array::BigArray;
 
-/// All watches.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Protection {
-    applied_current: AppliedCurrent,
+/// The limits of a running drive; read rad for m and N m for N on a rotary one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ProtectionLimits<const N: usize> {
+    /// Largest change of the actuator's motion from one period to the next that the current does not
+    /// explain, m per period.
+    pub encoder_step: f32,
+    /// Fastest the actuator may be, m/s.
+    pub velocity: f32,
+    /// Farthest it may be from its reference, m.
+    pub following_error: f32,
+    /// Largest reaction force, N.
+    pub reaction_force: f32,
+    /// Largest disturbance on the actuator that the observer may find, N.
+    pub disturbance: f32,
+    /// Largest innovation of the state observer: force that the model does not expect, N.
+    pub innovation: f32,
+    /// Farthest each spring may be stretched or compressed, from the actuator outwards, m.
+    #[serde(with = "BigArray")]
+    pub deflection: [f32; N],
+    /// Largest force by which friction can hold the actuator still, N.
+    pub stiction: f32,
+    /// How long the current may be at its limit, s.
+    pub saturation_time: f32,
+    /// Current that the motor can carry for ever, A, and the time in which it heats up, s.
+    pub continuous_current: f32,
+    /// See `continuous_current`.
+    pub thermal_time: f32,
 }
 
-impl Protection {
-    pub(crate) fn new(limits: &Limits) -> Self {
+impl<const N: usize> ProtectionLimits<N> {
+    pub(crate) fn check(&self) -> Result<(), SettingsError> {
+        positive("protection.encoder_step", self.encoder_step)?;
+        positive("protection.velocity", self.velocity)?;
+        positive("protection.following_error", self.following_error)?;
+        positive("protection.reaction_force", self.reaction_force)?;
+        positive("protection.disturbance", self.disturbance)?;
+        positive("protection.innovation", self.innovation)?;
+        finite("protection.deflection", &self.deflection)?;
+        positive("protection.stiction", self.stiction)?;
+        positive("protection.saturation_time", self.saturation_time)?;
+        positive("protection.continuous_current", self.continuous_current)?;
+        positive("protection.thermal_time", self.thermal_time)
+    }
+}
+
+/// A fault, and the value that tripped it in the unit of its limit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Trip {
+    pub(crate) fault: Fault,
+    pub(crate) value: f32,
+}
+
+/// A fault without a value of its own.
+impl From<Fault> for Trip {
+    fn from(fault: Fault) -> Self {
+        Self { fault, value: 0.0 }
+    }
+}
+
+/// The fault, unless a magnitude is within its limit; what is no number is within none.
+fn beyond(fault: Fault, value: f32, limit: f32) -> Result<(), Trip> {
+    if value.abs() <= limit {
+        Ok(())
+    } else {
+        Err(Trip { fault, value })
+    }
+}
+
+/// What a running period is judged by.
+pub(crate) struct Period<'a, const N: usize> {
+    pub(crate) reading: &'a Reading,
+    /// Applied over the period that ends now.
+    pub(crate) current: Current,
+    pub(crate) reaction_force: Force,
+    pub(crate) estimate: &'a Estimate<N>,
+    pub(crate) reference: &'a Reference<N>,
+}
+
+/// All watches.
+#[derive(Clone, Debug)]
+pub(crate) struct Protection<const N: usize> {
+    limits: ProtectionLimits<N>,
+    applied_current: applied_current::AppliedCurrent,
+    encoder_step: encoder_step::EncoderStep,
+    stall: stall::Stall,
+    saturation: saturation::Saturation,
+    thermal: thermal::Thermal,
+}
+
+/// What the watches of a running drive remember.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Memory {
+    encoder_step: encoder_step::Memory,
+    stall: stall::Memory,
+    saturated: u32,
+    thermal: f32,
+}
+
+impl<const N: usize> Protection<N> {
+    pub(crate) fn new<O>(settings: &Settings<N, O>) -> Self {
+        let limits = &settings.protection;
         Self {
-            applied_current: AppliedCurrent::new(limits),
+            limits: limits.clone(),
+            applied_current: applied_current::AppliedCurrent::new(&settings.limits),
+            encoder_step: encoder_step::EncoderStep::new(
+                &settings.actuator,
+                limits.encoder_step,
+                settings.sample_time,
+            ),
+            stall: stall::Stall::new(
+                settings.actuator.actual_force_constant(),
+                settings.encoder.resolution,
+                limits.stiction,
+            ),
+            saturation: saturation::Saturation::new(
+                &settings.limits,
+                limits.saturation_time,
+                settings.sample_time,
+            ),
+            thermal: thermal::Thermal::new(
+                limits.continuous_current,
+                limits.thermal_time,
+                settings.sample_time,
+            ),
         }
     }
 
-    /// One period: the first fault that is there.
+    /// One period of any mode in which current may flow.
     ///
     /// * `current`: said to have been applied over the period that ends now
-    pub(crate) fn step(&self, reading: &Reading, current: Current) -> Option<Fault> {
-        encoder_jump::step(reading).or_else(|| self.applied_current.step(current))
+    pub(crate) fn step(&self, reading: &Reading, current: Current) -> Result<(), Trip> {
+        encoder_jump::step(reading)?;
+        self.applied_current.step(current)
+    }
+
+    /// One period of a running drive.
+    pub(crate) fn running(&self, memory: &mut Memory, period: &Period<'_, N>) -> Result<(), Trip> {
+        let Period {
+            reading, current, ..
+        } = period;
+        self.encoder_step
+            .step(&mut memory.encoder_step, reading, *current)?;
+        within::step(&self.limits, period)?;
+        self.stall.step(&mut memory.stall, reading, *current)?;
+        self.saturation.step(&mut memory.saturated, *current)?;
+        self.thermal.step(&mut memory.thermal, *current)
     }
 }

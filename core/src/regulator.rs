@@ -62,6 +62,7 @@ impl<const N: usize> Regulator<N> {
             deflection: [0.0; N],
             load_velocity: [velocity.0; N],
             disturbance: Force(0.0),
+            innovation: Force(0.0),
         };
         let reference = Reference::rigid(target, Velocity(0.0), Current(0.0));
         self.step(&rigid, &reference)
@@ -92,6 +93,7 @@ mod tests {
             deflection: [0.002, -0.001],
             load_velocity: [0.2, 0.5],
             disturbance: Force(7.0),
+            innovation: Force(0.0),
         };
         let rigid = Reference::rigid(Position(1.0), Velocity(0.1), Current(9.0));
         let current = regulator.step(&estimate, &rigid);

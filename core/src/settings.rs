@@ -12,6 +12,7 @@ use crate::encoder::Encoder;
 use crate::limits::Limits;
 use crate::moves::rigid::MotionLimits;
 use crate::observer::StateObserver;
+use crate::protection::ProtectionLimits;
 use crate::regulator::Regulator;
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +37,8 @@ pub struct Settings<const N: usize, O> {
     pub limits: Limits,
     /// Limits of the moves.
     pub motion: MotionLimits,
+    /// Limits of a running drive.
+    pub protection: ProtectionLimits<N>,
 }
 
 impl<const N: usize, O: StateObserver<N>> Settings<N, O> {
@@ -54,6 +57,7 @@ impl<const N: usize, O: StateObserver<N>> Settings<N, O> {
         self.actuator.check()?;
         self.limits.check()?;
         self.motion.check()?;
+        self.protection.check()?;
         self.observer.check()?;
         self.regulator.check()
     }

@@ -41,6 +41,8 @@ pub struct Telemetry<L> {
     pub disturbance: f32,
     /// Disturbance on the actuator as the state observer sees it, `d`, N.
     pub disturbance_state: f32,
+    /// Value that tripped the fault, in the unit of its limit; zero without a fault.
+    pub fault_value: f32,
     /// Processor cycles of the control interrupt, filled in by the firmware; zero elsewhere.
     pub cycles: u32,
 }
@@ -92,6 +94,7 @@ impl<const N: usize> Default for Telemetry<[f32; N]> {
             reaction_force: 0.0,
             disturbance: 0.0,
             disturbance_state: 0.0,
+            fault_value: 0.0,
             cycles: 0,
         }
     }
@@ -106,6 +109,7 @@ impl<const N: usize> Telemetry<[f32; N]> {
             count: self.count,
             applied_current: self.applied_current,
             position: self.position,
+            fault_value: self.fault_value,
             command: self.command,
             limited: self.limited,
             ..Self::default()
@@ -132,6 +136,7 @@ impl<L> Telemetry<L> {
             reaction_force: self.reaction_force,
             disturbance: self.disturbance,
             disturbance_state: self.disturbance_state,
+            fault_value: self.fault_value,
             cycles: self.cycles,
         }
     }
@@ -179,6 +184,7 @@ impl<L: AsRef<[f32]>> Telemetry<L> {
             found(None, "reaction_force", Force, self.reaction_force),
             found(None, "disturbance", Force, self.disturbance),
             found(None, "disturbance_state", Force, self.disturbance_state),
+            drive("fault_value", Number, f64::from(self.fault_value)),
             drive("cycles", Number, f64::from(self.cycles)),
         ];
         before.into_iter().chain(loads).chain(after)
@@ -236,10 +242,11 @@ mod tests {
             reaction_force: 11.0,
             disturbance: 12.0,
             disturbance_state: 13.0,
-            cycles: 14,
+            fault_value: 14.0,
+            cycles: 15,
         };
         let values: Vec<f64> = record.columns().map(|column| column.value).collect();
-        let expected: Vec<f64> = (1..=3).chain([0]).chain(4..=14).map(f64::from).collect();
+        let expected: Vec<f64> = (1..=3).chain([0]).chain(4..=15).map(f64::from).collect();
         assert_eq!(values, expected);
     }
 }

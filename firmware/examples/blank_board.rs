@@ -7,8 +7,8 @@
 
 use arso_core::{Command, Counts, Current};
 use arso_firmware::board::{
-    Board, Capabilities, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs,
-    Levels, Watchdog,
+    AmplifierFault, Board, Capabilities, ControlTimer, CurrentOutput, CycleCounter, Encoder,
+    Hardware, Inputs, Levels, RunSwitch, Watchdog,
 };
 use arso_firmware::drive::{self, Queues};
 use cortex_m_rt::entry;
@@ -26,6 +26,8 @@ impl Board for Blank {
     type Encoder = Self;
     type Output = Self;
     type Cycles = Self;
+    type RunSwitch = Self;
+    type AmplifierFault = Self;
     type Inputs = Self;
     type Watchdog = Self;
 
@@ -49,8 +51,22 @@ impl CurrentOutput for Blank {
 }
 
 impl CycleCounter for Blank {
+    const HZ: u32 = 1_000_000;
+
     fn now(&self) -> u32 {
         0
+    }
+}
+
+impl RunSwitch for Blank {
+    fn closed(&mut self) -> bool {
+        false
+    }
+}
+
+impl AmplifierFault for Blank {
+    fn active(&mut self) -> bool {
+        false
     }
 }
 
@@ -72,6 +88,8 @@ fn main() -> ! {
         encoder: Blank,
         output: Blank,
         cycles: Blank,
+        run_switch: Blank,
+        amplifier_fault: Blank,
         inputs: Blank,
         watchdog: Blank,
     };

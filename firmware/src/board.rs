@@ -27,7 +27,11 @@ pub trait Board {
     type Output: CurrentOutput;
     /// What times the control interrupt.
     type Cycles: CycleCounter;
-    /// Its switches.
+    /// Its run switch.
+    type RunSwitch: RunSwitch;
+    /// What its amplifier reports.
+    type AmplifierFault: AmplifierFault;
+    /// Its other switches.
     type Inputs: Inputs;
     /// What resets it when the program has died.
     type Watchdog: Watchdog;
@@ -46,6 +50,10 @@ pub struct Hardware<B: Board> {
     pub output: B::Output,
     /// See [`Board::Cycles`].
     pub cycles: B::Cycles,
+    /// See [`Board::RunSwitch`].
+    pub run_switch: B::RunSwitch,
+    /// See [`Board::AmplifierFault`].
+    pub amplifier_fault: B::AmplifierFault,
     /// See [`Board::Inputs`].
     pub inputs: B::Inputs,
     /// See [`Board::Watchdog`].
@@ -72,11 +80,25 @@ pub trait CurrentOutput {
 
 /// A counter of processor cycles; wraps.
 pub trait CycleCounter {
+    /// Cycles per second.
+    const HZ: u32;
     /// Cycles now.
     fn now(&self) -> u32;
 }
 
-/// The switches.
+/// The run switch, read in every control period: an open one wins over everything.
+pub trait RunSwitch {
+    /// Whether it is closed; one that cannot be read is open.
+    fn closed(&mut self) -> bool;
+}
+
+/// What the amplifier reports, read in every control period.
+pub trait AmplifierFault {
+    /// Whether it reports a fault; a line that cannot be read does.
+    fn active(&mut self) -> bool;
+}
+
+/// The switches that are no hurry.
 pub trait Inputs {
     /// Levels now; an input that cannot be read counts as off.
     fn read(&mut self) -> Levels;
@@ -85,8 +107,6 @@ pub trait Inputs {
 /// Levels of the switches.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub struct Levels {
-    /// The drive is to run.
-    pub run: bool,
     /// A run plays the excitation instead of closing the loop.
     pub excite: bool,
     /// Which target, 0 to 3.

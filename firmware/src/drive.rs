@@ -1,12 +1,15 @@
 //! The drive on a board: one control period, and everything that may take its time.
 
 use crate::board::{
-    Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs, Watchdog,
+    AmplifierFault, Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs,
+    RunSwitch, Watchdog,
 };
 use crate::log::Log;
-use crate::settings::{EXCITATION, GAINS, LOADS, Observer};
+use crate::settings::{EXCITATION, GAINS, LOADS, Observer, PERIOD_US};
 use crate::switches::Switches;
-use arso_core::{Controller, Current, Measurement, Refusal, Request, SettingsError, Telemetry};
+use arso_core::{
+    Controller, Current, Fault, Measurement, Refusal, Request, SettingsError, Telemetry,
+};
 use heapless::spsc::{Consumer, Producer, Queue};
 
 /// Records that wait for the log: 64 ms at 1 kHz.
@@ -16,7 +19,7 @@ const REQUESTS: usize = 8;
 
 /// What goes between the control interrupt and the idle loop.
 pub struct Queues {
-    records: Queue<Record, RECORDS>,
+    records: Queue<(Record, bool), RECORDS>,
     requests: Queue<Request, REQUESTS>,
     refusals: Queue<Refusal, REQUESTS>,
 }
@@ -42,9 +45,13 @@ pub struct Control<B: Board> {
     encoder: B::Encoder,
     output: B::Output,
     cycles: B::Cycles,
+    run_switch: B::RunSwitch,
+    amplifier_fault: B::AmplifierFault,
+    /// When the interrupt before this one began.
+    before: Option<u32>,
     controller: Controller<LOADS, Observer>,
     applied: Current,
-    records: Producer<'static, Record>,
+    records: Producer<'static, (Record, bool)>,
     requests: Consumer<'static, Request>,
     refusals: Producer<'static, Refusal>,
 }
@@ -55,7 +62,7 @@ pub struct Idle<B: Board> {
     inputs: B::Inputs,
     switches: Switches,
     log: Log,
-    records: Consumer<'static, Record>,
+    records: Consumer<'static, (Record, bool)>,
     requests: Producer<'static, Request>,
     refusals: Consumer<'static, Refusal>,
 }
@@ -83,6 +90,9 @@ pub fn new<B: Board>(
         encoder: hardware.encoder,
         output: hardware.output,
         cycles: hardware.cycles,
+        run_switch: hardware.run_switch,
+        amplifier_fault: hardware.amplifier_fault,
+        before: None,
         controller,
         applied: Current(0.0),
         records: records_in,
@@ -107,12 +117,29 @@ impl<B: Board> Control<B> {
     pub fn period(&mut self) {
         let start = self.cycles.now();
         self.timer.acknowledge();
-        if let Some(request) = self.requests.dequeue()
-            && let Err(refusal) = self.controller.request(request)
-        {
-            // A full queue loses the refusal: as many others are on their way to the log.
-            let _ = self.refusals.enqueue(refusal);
+        let run = self.run_switch.closed();
+        if run {
+            if let Some(request) = self.requests.dequeue()
+                && let Err(refusal) = self.controller.request(request)
+            {
+                // A full queue loses the refusal: as many others are on their way to the log.
+                let _ = self.refusals.enqueue(refusal);
+            }
+        } else {
+            // What was asked before is void, and no idle loop, queue or log stands between the switch and
+            // the amplifier.
+            while self.requests.dequeue().is_some() {}
+            let _ = self.controller.request(Request::Stop);
         }
+        if self.controller.mode().energised() {
+            if self.late(start) {
+                self.controller.trip(Fault::Timing);
+            }
+            if self.amplifier_fault.active() {
+                self.controller.trip(Fault::Amplifier);
+            }
+        }
+        self.before = Some(start);
         let measurement = Measurement {
             count: self.encoder.count(),
             current: self.applied,
@@ -123,7 +150,16 @@ impl<B: Board> Control<B> {
         let mut record = *self.controller.telemetry();
         record.cycles = self.cycles.now().wrapping_sub(start);
         // A full queue loses the record; its number is missing in the log, which counts that.
-        let _ = self.records.enqueue(record);
+        let _ = self.records.enqueue((record, run));
+    }
+
+    /// Whether this interrupt began more than a tenth of a period off the one before.
+    fn late(&self, start: u32) -> bool {
+        let period = (B::Cycles::HZ / 1_000_000) * PERIOD_US;
+        self.before.is_some_and(|before| {
+            let elapsed = start.wrapping_sub(before);
+            elapsed.abs_diff(period) > period / 10
+        })
     }
 }
 
@@ -131,7 +167,7 @@ impl<B: Board> Idle<B> {
     /// Everything that may take its time, for ever.
     pub fn run(&mut self) -> ! {
         loop {
-            let Some(record) = self.records.dequeue() else {
+            let Some((record, run)) = self.records.dequeue() else {
                 // The next control interrupt brings the next record.
                 B::wait_for_interrupt();
                 continue;
@@ -141,7 +177,7 @@ impl<B: Board> Idle<B> {
             while let Some(refusal) = self.refusals.dequeue() {
                 self.log.refusal(&refusal);
             }
-            let requests = self.switches.sample(self.inputs.read(), record.mode);
+            let requests = self.switches.sample(run, self.inputs.read(), record.mode);
             for request in requests.into_iter().flatten() {
                 if self.requests.enqueue(request).is_err() {
                     defmt::warn!("a request was lost: the control interrupt takes none");

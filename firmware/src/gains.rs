@@ -8,6 +8,7 @@ use arso_core::encoder::Encoder;
 use arso_core::limits::Limits;
 use arso_core::moves::rigid::MotionLimits;
 use arso_core::observer::{Anchored, LinearObserver};
+use arso_core::protection::ProtectionLimits;
 use arso_core::regulator::{MassGain, Regulator};
 
 /// Number of load masses.
@@ -59,5 +60,18 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         acceleration: 10.0, // m/s^2
         jerk: 200.0, // m/s^3
         total_mass: 0.116, // kg
+    },
+    protection: ProtectionLimits {
+        encoder_step: 0.00010862712, // m
+        velocity: 2.0, // m/s
+        following_error: 0.16755578, // m
+        reaction_force: 25.72, // N
+        disturbance: 1.286, // N
+        innovation: 3.215, // N
+        deflection: [0.08573333, 0.08573333, 0.08573333], // m
+        stiction: 0.3858, // N
+        saturation_time: 0.25, // s
+        continuous_current: 1.4, // A
+        thermal_time: 10.0, // s
     },
 };

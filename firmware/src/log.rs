@@ -36,7 +36,7 @@ impl Log {
 
     /// Logs one record and whatever follows from it.
     pub(crate) fn record(&mut self, record: &Telemetry<[f32; LOADS]>) {
-        // A record of six loads takes 100 bytes at most.
+        // A record of six loads takes 104 bytes at most.
         let mut buffer = [0; 128];
         if let Ok(bytes) = postcard::to_slice(record, &mut buffer) {
             defmt::debug!("record {=[u8]}", bytes);
@@ -61,12 +61,16 @@ impl Log {
                 Mode::Exciting => defmt::info!("exciting"),
                 Mode::Ready => defmt::info!("ready"),
                 Mode::Running => defmt::info!("running"),
+                Mode::Stopping(fault) => {
+                    defmt::error!("stopping because of fault {}: {}", fault.number(), fault);
+                }
                 Mode::Fault(fault) => {
                     defmt::error!(
-                        "fault {}: {} in period {}",
+                        "fault {}: {} in period {}, value {}",
                         fault.number(),
                         fault,
-                        record.period
+                        record.period,
+                        record.fault_value
                     );
                 }
             }

@@ -2,7 +2,7 @@
 //!
 //! | run | excite | target switches | |
 //! |---|---|---|---|
-//! | off | any | any | stop |
+//! | off | any | any | stop, within one control period |
 //! | on | on when run is closed | any | play the excitation once |
 //! | on | off | any | first: prove the signs (commissioning), then start |
 //! | on | | 0 | step to the origin |
@@ -28,6 +28,17 @@ struct Debounced<T> {
     settled: Option<T>,
     candidate: Option<T>,
     periods: u8,
+}
+
+/// Stands there.
+impl<T: Copy> From<T> for Debounced<T> {
+    fn from(level: T) -> Self {
+        Self {
+            settled: Some(level),
+            candidate: Some(level),
+            periods: 0,
+        }
+    }
 }
 
 impl<T: Copy + PartialEq> Debounced<T> {
@@ -68,16 +79,21 @@ enum Asked {
 }
 
 impl Switches {
-    /// Takes the levels of one period and the drive's mode; gives what is to be asked of it.
-    pub(crate) fn sample(&mut self, levels: Levels, mode: Mode) -> [Option<Request>; 2] {
-        let switched = self.run.sample(levels.run);
+    /// Takes the levels of one period and the drive's mode; gives what is to be asked of it. The run switch
+    /// stops the drive by itself, in the control interrupt: here it counts when it is closed.
+    pub(crate) fn sample(&mut self, run: bool, levels: Levels, mode: Mode) -> [Option<Request>; 2] {
+        if !run && self.run.settled == Some(true) {
+            // The drive has stopped; the switch counts as closed when it has been so for a while again.
+            self.run = Debounced::from(false);
+        }
+        self.run.sample(run);
         let retargeted = self.target.sample(levels.target);
         self.excite.sample(levels.excite);
         match self.run.settled {
             None => return [None, None],
             Some(false) => {
                 self.asked = Asked::Nothing;
-                return [switched.then_some(Request::Stop), None];
+                return [None, None];
             }
             Some(true) => {}
         }

@@ -222,6 +222,7 @@ mod tests {
             reaction_force: 0.0,
             disturbance: 0.0,
             disturbance_state: 0.0,
+            fault_value: 0.5,
             cycles: 1180,
         }
     }

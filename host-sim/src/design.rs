@@ -15,6 +15,7 @@ pub mod gains_file;
 pub mod loop_margins;
 pub mod observer;
 pub mod paper;
+pub mod protection;
 pub mod regulator;
 pub mod weights;
 
@@ -159,6 +160,7 @@ impl Design {
             },
             limits: self.limits(),
             motion: self.motion_limits(),
+            protection: protection::Protection::new(self).limits(),
         }
     }
 

@@ -153,6 +153,33 @@ pub struct MoveLimits {
     pub jerk: f64,
 }
 
+/// Limits of a running drive that the file states; the others are the design's.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StatedProtection {
+    /// m per period.
+    pub encoder_step: Option<f64>,
+    /// m/s.
+    pub velocity: Option<f64>,
+    /// m.
+    pub following_error: Option<f64>,
+    /// N.
+    pub reaction_force: Option<f64>,
+    /// N.
+    pub disturbance: Option<f64>,
+    /// N.
+    pub innovation: Option<f64>,
+    /// Of every spring, m.
+    pub deflection: Option<f64>,
+    /// N.
+    pub stiction: Option<f64>,
+    /// s.
+    pub saturation_time: Option<f64>,
+    /// A.
+    pub continuous_current: Option<f64>,
+    /// s.
+    pub thermal_time: Option<f64>,
+}
+
 /// What the controller believes of a drive, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drive {
@@ -174,6 +201,8 @@ pub struct Drive {
     pub cost: Cost,
     /// Limits of planned moves; `None` when the file leaves them to the design.
     pub motion: Option<MoveLimits>,
+    /// Limits of a running drive, as far as the file states them.
+    pub protection: StatedProtection,
 }
 
 /// What is really there: actuator, encoder, loads, friction and forces.
@@ -261,6 +290,8 @@ impl Drive {
             .as_ref()
             .map(|limits| document.move_limits(limits))
             .transpose()?;
+        let protection = raw.protection.as_ref();
+        let protection = document.protection(protection)?;
         Ok(Self {
             kind: document.kind(),
             actuator,
@@ -271,6 +302,7 @@ impl Drive {
             observer,
             cost,
             motion,
+            protection,
         })
     }
 

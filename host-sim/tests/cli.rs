@@ -553,6 +553,7 @@ fn logged(period: u32, mode: Mode) -> String {
         reaction_force: 0.1,
         disturbance: 0.1,
         disturbance_state: 0.0,
+        fault_value: 0.0,
         cycles: 1100,
     };
     let mut buffer = [0; 128];
@@ -672,7 +673,7 @@ fn ctrl_c_ends_a_capture_with_its_records() {
     assert_eq!(
         csv,
         "time[s],period[1],mode[name],count[1],applied_current[A],command[A],limited[1],\
-         actuator_position[m],cycles[1]\n0,1,Idle,12,0.001,0.002,0,0.000012,1100\n"
+         actuator_position[m],fault_value[1],cycles[1]\n0,1,Idle,12,0.001,0.002,0,0.000012,0,1100\n"
     );
 }
 

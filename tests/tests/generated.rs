@@ -1,6 +1,7 @@
 //! What is generated is up to date: gains and excitation in the firmware are those of the default drive,
 //! and the faults in the README those of the core.
 
+use arso_core::fault::Reaction;
 use host_sim::design::Design;
 use host_sim::drive::{DEFAULT_NAME, Drive};
 use host_sim::excite::{ExcitationPlan, ExcitationRequest, excitation_file};
@@ -44,11 +45,18 @@ fn the_firmware_has_the_excitation_of_the_default_drive() {
 fn the_readme_lists_every_fault() {
     let readme = include_str!("../../README.md");
     for fault in arso_core::Fault::ALL {
+        let stop = match fault.reaction() {
+            Reaction::Off => "off at once",
+            Reaction::Brake => "off after braking",
+        };
+        let key = fault
+            .setting()
+            .map_or(String::new(), |key| format!("`{key}`"));
         let row = format!(
-            "| {} `{}` | {} |\n",
+            "| {} `{}` | {} | {stop} | {key} |\n",
             fault.number(),
             fault.name(),
-            fault.sentence()
+            fault.sentence(),
         );
         assert!(readme.contains(&row), "README.md has no row {row}");
     }

@@ -9,7 +9,9 @@ use crate::fault::Fault;
 use crate::mode::Mode;
 use crate::moves::rigid::{self, RigidMoves};
 use crate::observer::StateObserver;
+use crate::protection;
 use crate::reaction_force;
+use crate::rest::{self, Rest};
 use crate::units::{Current, Position, Velocity};
 
 /// A mode with its memory.
@@ -18,24 +20,34 @@ pub(super) enum Activity<const N: usize, O: StateObserver<N>> {
     Idle,
     Commissioning(Commissioning),
     Exciting(Exciting),
-    Ready,
+    /// Whether the machine is at rest is followed all the time.
+    Ready(rest::Memory),
     Running(Running<N, O>),
     Fault(Fault),
 }
 
 impl<const N: usize, O: StateObserver<N>> Activity<N, O> {
-    /// The beginning of a mode; an excitation begins with what it is to play, see [`Exciting::new`].
-    pub(super) fn enter(mode: Mode) -> Self {
-        match mode {
-            Mode::Idle | Mode::Exciting => Self::Idle,
-            Mode::Commissioning => Self::Commissioning(Commissioning::default()),
-            Mode::Ready => Self::Ready,
-            Mode::Running => Self::Running(Running {
-                memory: None,
-                asked: None,
-            }),
-            Mode::Fault(fault) => Self::Fault(fault),
-        }
+    /// Goes on to a mode; an excitation begins with what it is to play, see [`Exciting::new`].
+    pub(super) fn enter(&mut self, mode: Mode, position: Position) {
+        let next = match (mode, &*self) {
+            (Mode::Idle | Mode::Exciting, _) => Self::Idle,
+            (Mode::Commissioning, _) => Self::Commissioning(Commissioning::default()),
+            // The signs are proven when the actuator has come to rest.
+            (Mode::Ready, Self::Commissioning(_)) => Self::Ready(rest::Memory::proven(position)),
+            (Mode::Ready, Self::Ready(rest)) => Self::Ready(*rest),
+            (Mode::Ready, _) => Self::Ready(rest::Memory::default()),
+            (Mode::Running, Self::Ready(rest)) => Self::Running(Running::new(*rest)),
+            (Mode::Running | Mode::Stopping(_), _) => {
+                Self::Running(Running::new(rest::Memory::default()))
+            }
+            (Mode::Fault(fault), _) => Self::Fault(fault),
+        };
+        *self = next;
+    }
+
+    /// Stops with a fault.
+    pub(super) fn trip(&mut self, fault: Fault) {
+        *self = Self::Fault(fault);
     }
 
     pub(super) fn mode(&self) -> Mode {
@@ -43,8 +55,11 @@ impl<const N: usize, O: StateObserver<N>> Activity<N, O> {
             Self::Idle => Mode::Idle,
             Self::Commissioning(_) => Mode::Commissioning,
             Self::Exciting(_) => Mode::Exciting,
-            Self::Ready => Mode::Ready,
-            Self::Running(_) => Mode::Running,
+            Self::Ready(_) => Mode::Ready,
+            Self::Running(running) => match &running.stopping {
+                None => Mode::Running,
+                Some(stopping) => Mode::Stopping(stopping.fault),
+            },
             Self::Fault(fault) => Mode::Fault(*fault),
         }
     }
@@ -95,10 +110,62 @@ impl Exciting {
 /// Memory of a running drive.
 #[derive(Clone, Debug)]
 pub(super) struct Running<const N: usize, O: StateObserver<N>> {
+    pub(super) start: Start,
     /// Of the closed loop, from its first period on.
     pub(super) memory: Option<Loop<O::Memory>>,
     /// The target that is waiting.
     pub(super) asked: Option<Request>,
+    /// The stand that a fault asks for.
+    pub(super) stopping: Option<Stopping>,
+}
+
+impl<const N: usize, O: StateObserver<N>> Running<N, O> {
+    /// * `rest`: what is known of the machine's rest
+    fn new(rest: rest::Memory) -> Self {
+        Self {
+            start: Start::WaitingForRest(rest, 0),
+            memory: None,
+            asked: None,
+            stopping: None,
+        }
+    }
+}
+
+/// How far the start has come.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Start {
+    /// With the periods that it has waited.
+    WaitingForRest(rest::Memory, u32),
+    AtRest,
+}
+
+/// A fault that the loop answers by braking.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stopping {
+    fault: Fault,
+    rest: rest::Memory,
+    periods: u32,
+}
+
+impl Stopping {
+    /// Longest braking, s, and counts within which the actuator has then come to a stand.
+    const LONGEST: f32 = 1.0;
+    const COUNTS: f32 = 20.0;
+
+    pub(super) fn new(fault: Fault, position: Position) -> Self {
+        Self {
+            fault,
+            rest: rest::Memory::at(position),
+            periods: 0,
+        }
+    }
+
+    /// One period: whether the machine stands, or has been given long enough.
+    pub(super) fn ended(&mut self, rest: &Rest, position: Position, sample_time: f32) -> bool {
+        self.periods = self.periods.saturating_add(1);
+        rest.within(&mut self.rest, position, Self::COUNTS)
+            || self.periods as f32 * sample_time > Self::LONGEST
+    }
 }
 
 /// Memory of the closed loop, part by part in the order of the corridor.
@@ -108,6 +175,7 @@ pub(super) struct Loop<M> {
     pub(super) reaction_force: reaction_force::Memory,
     pub(super) observer: M,
     pub(super) moves: rigid::Memory,
+    pub(super) protection: protection::Memory,
 }
 
 impl<M> Loop<M> {
@@ -124,6 +192,7 @@ impl<M> Loop<M> {
             reaction_force: reaction_force::Memory::default(),
             observer: observer.at_rest(position),
             moves: reference,
+            protection: protection::Memory::default(),
         }
     }
 }

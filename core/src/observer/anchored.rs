@@ -48,13 +48,14 @@ impl<const N: usize, const S: usize> StateObserver<N> for Anchored<N, S> {
     }
 
     fn step(&self, z: &mut Self::Memory, seen: &Seen) -> Estimate<N> {
-        self.0.step(z, seen.mean_velocity.0, seen.reaction_force);
+        let innovation = self.0.step(z, seen.mean_velocity.0, seen.reaction_force);
         Estimate {
             position: seen.position,
             velocity: seen.velocity,
             deflection: core::array::from_fn(|load| z[2 * load]),
             load_velocity: core::array::from_fn(|load| z[2 * load + 1]),
             disturbance: Force(z[S - 1]),
+            innovation,
         }
     }
 }

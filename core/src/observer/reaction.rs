@@ -38,13 +38,14 @@ impl<const N: usize, const S: usize> StateObserver<N> for Reaction<N, S> {
     }
 
     fn step(&self, z: &mut Self::Memory, seen: &Seen) -> Estimate<N> {
-        self.0.step(z, seen.current.0, seen.reaction_force);
+        let innovation = self.0.step(z, seen.current.0, seen.reaction_force);
         Estimate {
             position: Position(z[0]),
             velocity: Velocity(z[1]),
             deflection: core::array::from_fn(|load| z[2 * load + 2] - z[0]),
             load_velocity: core::array::from_fn(|load| z[2 * load + 3]),
             disturbance: Force(0.0),
+            innovation,
         }
     }
 }

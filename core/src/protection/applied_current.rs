@@ -1,5 +1,6 @@
 //! Whether the current said to be applied can have been applied by this drive.
 
+use super::{Trip, beyond};
 use crate::fault::Fault;
 use crate::limits::Limits;
 use crate::units::Current;
@@ -18,10 +19,10 @@ impl AppliedCurrent {
         }
     }
 
-    pub(super) fn step(self, applied: Current) -> Option<Fault> {
+    pub(super) fn step(self, applied: Current) -> Result<(), Trip> {
         if !applied.0.is_finite() {
-            return Some(Fault::NonFinite);
+            return Err(Fault::NonFinite.into());
         }
-        (applied.0.abs() > self.largest).then_some(Fault::AppliedCurrent)
+        beyond(Fault::AppliedCurrent, applied.0, self.largest)
     }
 }

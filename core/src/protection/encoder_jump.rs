@@ -1,8 +1,15 @@
 //! Whether the encoder's direction is still certain.
 
+use super::Trip;
 use crate::encoder::Reading;
 use crate::fault::Fault;
 
-pub(super) fn step(reading: &Reading) -> Option<Fault> {
-    reading.jump.then_some(Fault::EncoderJump)
+pub(super) fn step(reading: &Reading) -> Result<(), Trip> {
+    if reading.jump {
+        return Err(Trip {
+            fault: Fault::EncoderJump,
+            value: reading.displacement,
+        });
+    }
+    Ok(())
 }

@@ -48,6 +48,7 @@ impl DesignCommand {
             print(&format!("{:#}\n", design::json(&design, &assessment)?))?;
         } else {
             let mut text = format!("design for {origin}\n{}", design::tables(&design)?);
+            text += &design::protection(&design);
             text += &design::assessment(&assessment);
             if let (Some(path), None) = (&self.rust, refused) {
                 text += &format!("gains written to {}\n", path.display());

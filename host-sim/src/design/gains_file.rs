@@ -33,6 +33,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         actuator,
         limits,
         motion,
+        protection,
         regulator,
         ..
     } = &settings;
@@ -42,6 +43,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         velocity,
         acceleration,
         jerk,
+        force,
         force_constant,
         position_gain,
         velocity_gain,
@@ -61,6 +63,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          use arso_core::limits::Limits;\n\
          use arso_core::moves::rigid::MotionLimits;\n\
          use arso_core::observer::{{{name}, LinearObserver}};\n\
+         use arso_core::protection::ProtectionLimits;\n\
          use arso_core::regulator::{{MassGain, Regulator}};\n\
          \n\
          /// Number of load masses.\n\
@@ -132,6 +135,19 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          {I}{I}jerk: {:?}, // {jerk}\n\
          {I}{I}total_mass: {:?}, // {mass}\n\
          {I}}},\n\
+         {I}protection: ProtectionLimits {{\n\
+         {I}{I}encoder_step: {:?}, // {position}\n\
+         {I}{I}velocity: {:?}, // {velocity}\n\
+         {I}{I}following_error: {:?}, // {position}\n\
+         {I}{I}reaction_force: {:?}, // {force}\n\
+         {I}{I}disturbance: {:?}, // {force}\n\
+         {I}{I}innovation: {:?}, // {force}\n\
+         {I}{I}deflection: {:?}, // {position}\n\
+         {I}{I}stiction: {:?}, // {force}\n\
+         {I}{I}saturation_time: {:?}, // s\n\
+         {I}{I}continuous_current: {:?}, // A\n\
+         {I}{I}thermal_time: {:?}, // s\n\
+         {I}}},\n\
          }};\n",
         limits.current_limit,
         limits.current_resolution,
@@ -139,6 +155,17 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         motion.acceleration,
         motion.jerk,
         motion.total_mass,
+        protection.encoder_step,
+        protection.velocity,
+        protection.following_error,
+        protection.reaction_force,
+        protection.disturbance,
+        protection.innovation,
+        protection.deflection,
+        protection.stiction,
+        protection.saturation_time,
+        protection.continuous_current,
+        protection.thermal_time,
     );
     text
 }

@@ -1,8 +1,11 @@
 //! The tables that say what is wanted of a drive: sampling, observer, cost, limits of a move.
 
 use super::document::{Document, SMALLEST};
-use super::schema::{Number, RawControl, RawCost, RawMotion, RawObserver};
-use super::{Control, Cost, MoveLimits, Observer, ObserverMethod, ObserverSettings, Weights};
+use super::schema::{Number, RawControl, RawCost, RawMotion, RawObserver, RawProtection};
+use super::{
+    Control, Cost, MoveLimits, Observer, ObserverMethod, ObserverSettings, StatedProtection,
+    Weights,
+};
 use crate::error::Result;
 use toml::Spanned;
 
@@ -164,6 +167,33 @@ impl Document<'_> {
                 units.acceleration,
             )?,
             jerk: self.positive("move.jerk", &raw.jerk, units.jerk)?,
+        })
+    }
+
+    /// Limits of a running drive, as far as they are stated.
+    pub(super) fn protection(&self, raw: Option<&RawProtection>) -> Result<StatedProtection> {
+        let Some(raw) = raw else {
+            return Ok(StatedProtection::default());
+        };
+        let units = self.units();
+        let stated = |key: &str, value: &Option<Number>, unit: &str| {
+            let value = value.as_ref();
+            value
+                .map(|value| self.positive(&format!("protection.{key}"), value, unit))
+                .transpose()
+        };
+        Ok(StatedProtection {
+            encoder_step: stated("encoder_step", &raw.encoder_step, units.position)?,
+            velocity: stated("velocity", &raw.velocity, units.velocity)?,
+            following_error: stated("following_error", &raw.following_error, units.position)?,
+            reaction_force: stated("reaction_force", &raw.reaction_force, units.force)?,
+            disturbance: stated("disturbance", &raw.disturbance, units.force)?,
+            innovation: stated("innovation", &raw.innovation, units.force)?,
+            deflection: stated("deflection", &raw.deflection, units.position)?,
+            stiction: stated("stiction", &raw.stiction, units.force)?,
+            saturation_time: stated("saturation_time", &raw.saturation_time, "s")?,
+            continuous_current: stated("continuous_current", &raw.continuous_current, "A")?,
+            thermal_time: stated("thermal_time", &raw.thermal_time, "s")?,
         })
     }
 }

@@ -18,6 +18,7 @@ pub(super) struct RawFile {
     pub(super) cost: Option<Spanned<RawCost>>,
     #[serde(rename = "move")]
     pub(super) motion: Option<RawMotion>,
+    pub(super) protection: Option<RawProtection>,
     #[serde(default)]
     pub(super) force: Vec<Spanned<RawForce>>,
 }
@@ -104,4 +105,20 @@ pub(super) struct RawForce {
     pub(super) start: Number,
     pub(super) duration: Number,
     pub(super) newton: Number,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawProtection {
+    pub(super) encoder_step: Option<Number>,
+    pub(super) velocity: Option<Number>,
+    pub(super) following_error: Option<Number>,
+    pub(super) reaction_force: Option<Number>,
+    pub(super) disturbance: Option<Number>,
+    pub(super) innovation: Option<Number>,
+    pub(super) deflection: Option<Number>,
+    pub(super) stiction: Option<Number>,
+    pub(super) saturation_time: Option<Number>,
+    pub(super) continuous_current: Option<Number>,
+    pub(super) thermal_time: Option<Number>,
 }

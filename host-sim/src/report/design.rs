@@ -4,11 +4,47 @@ use super::table::{right, table};
 use crate::design::Design;
 use crate::design::assessment::Assessment;
 use crate::design::checks::Verdict;
+use crate::design::protection::Protection;
 use crate::error::Result;
+use crate::output::significant;
 use comfy_table::Cell;
 use nalgebra::{Complex, DMatrix};
 use serde_json::json;
 use std::fmt::Write;
+
+/// The limits of a running drive.
+#[must_use]
+pub fn protection(design: &Design) -> String {
+    let limits = Protection::new(design);
+    let units = design.drive.kind.units();
+    let (position, force) = (units.position, units.force);
+    let mut table = table(&["protection, limit of", "value", "unit"]);
+    for (name, value, unit) in [
+        ("encoder_step", limits.encoder_step, position),
+        ("velocity", limits.velocity, units.velocity),
+        ("following_error", limits.following_error, position),
+        ("reaction_force", limits.reaction_force, force),
+        ("disturbance", limits.disturbance, force),
+        ("innovation", limits.innovation, force),
+        ("stiction", limits.stiction, force),
+        ("saturation_time", limits.saturation_time, "s"),
+        ("continuous_current", limits.continuous_current, "A"),
+        ("thermal_time", limits.thermal_time, "s"),
+    ] {
+        table.add_row([
+            Cell::new(name),
+            right(significant(value, 4)),
+            Cell::new(unit),
+        ]);
+    }
+    let springs = limits.deflection.iter().map(|limit| significant(*limit, 3));
+    table.add_row([
+        Cell::new("deflection of each spring"),
+        right(springs.collect::<Vec<_>>().join("  ")),
+        Cell::new(position),
+    ]);
+    format!("{table}\n")
+}
 
 /// Model and gains.
 ///
@@ -174,6 +210,7 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
         "observer_output": observer.output.as_slice(),
         "observer_gain": observer.correction.as_slice(),
         "observer_poles": poles(design.observer_poles()?),
+        "protection": Protection::new(design),
         "modes": design.modes(),
         "distinct_eigenvalues": assessment.distinct_eigenvalues,
         "checks": assessment.checks,

@@ -15,6 +15,8 @@ impl Cycles {
 }
 
 impl CycleCounter for Cycles {
+    const HZ: u32 = super::CLOCK_HZ;
+
     fn now(&self) -> u32 {
         DWT::cycle_count()
     }

@@ -4,7 +4,8 @@
 //! |---|---|
 //! | PC6, PC7 | encoder phases A, B (TIM3) |
 //! | PA4 | current reference to the servo amplifier (DAC channel 1) |
-//! | PB12 | amplifier enable, high: enabled |
+//! | PB12 | amplifier enable, high: enabled; needs a pull-down, the pin floats during reset |
+//! | PB13 | amplifier fault, low: fault |
 //! | PC2 | run switch |
 //! | PC3 | excite switch |
 //! | PC0, PC1 | target switches, low and high bit |
@@ -45,6 +46,8 @@ impl Board for Stm32f405 {
     type Encoder = encoder::QuadratureEncoder;
     type Output = current_output::DacOutput;
     type Cycles = cycles::Cycles;
+    type RunSwitch = inputs::RunSwitch;
+    type AmplifierFault = inputs::AmplifierFault;
     type Inputs = inputs::Switches;
     type Watchdog = watchdog::ResetWatchdog;
 
@@ -78,8 +81,9 @@ pub(crate) fn start(
         ),
         encoder: encoder::QuadratureEncoder::new(device.TIM3, port_c.pc6, port_c.pc7, &mut rcc),
         cycles: cycles::Cycles::new(core.DCB, core.DWT),
+        run_switch: inputs::RunSwitch(port_c.pc2.into_pull_down_input()),
+        amplifier_fault: inputs::AmplifierFault(port_b.pb13.into_pull_up_input()),
         inputs: inputs::Switches::new(
-            port_c.pc2.into_pull_down_input(),
             port_c.pc3.into_pull_down_input(),
             port_c.pc0.into_pull_down_input(),
             port_c.pc1.into_pull_down_input(),

@@ -101,6 +101,8 @@ unsafe impl defmt::Logger for Logger {
         {
             encoder.end_frame(|bytes| Transport::push(frame, length, bytes));
             if let (Some(channel), Some(frame)) = (channel, frame.get(..*length)) {
+                // The host can ask for writes that wait for it; nothing here waits for a host.
+                channel.set_mode(ChannelMode::NoBlockSkip);
                 channel.write(frame);
             }
         }

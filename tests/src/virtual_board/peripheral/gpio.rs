@@ -24,8 +24,9 @@ pub struct Gpio {
     pupdr: u32,
     odr: u32,
     afr: [u32; 2],
-    /// Levels that the board puts on the pins.
-    pub levels: u32,
+    /// Levels that the board puts on the pins, and on which of them it does.
+    levels: u32,
+    wired: u32,
 }
 
 impl Gpio {
@@ -59,6 +60,14 @@ impl Gpio {
     /// Puts a level on a pin from outside.
     pub fn set_level(&mut self, pin: u32, high: bool) {
         self.levels = self.levels & !(1 << pin) | u32::from(high) << pin;
+        self.wired |= 1 << pin;
+    }
+
+    /// Levels that an input sees: what is wired to it, else what its pull makes of it.
+    fn inputs(&self) -> u32 {
+        let pulled_up = (0..16).filter(|pin| self.pupdr >> (2 * pin) & 0b11 == 0b01);
+        let pulled_up: u32 = pulled_up.map(|pin| 1 << pin).sum();
+        self.levels & self.wired | pulled_up & !self.wired
     }
 }
 
@@ -72,7 +81,7 @@ impl Peripheral for Gpio {
             0x10 => {
                 let outputs = (0..16).filter(|pin| self.mode(*pin) == Mode::Output);
                 let driven: u32 = outputs.map(|pin| 1 << pin).sum();
-                self.odr & driven | self.levels & !driven & 0xFFFF
+                self.odr & driven | self.inputs() & !driven & 0xFFFF
             }
             0x14 => self.odr,
             0x20 | 0x24 => self.afr[(offset as usize - 0x20) / 4],
@@ -119,5 +128,10 @@ mod tests {
         port.set_level(12, true);
         assert_eq!(port.read(0x10, 0), Ok(0b100));
         assert_eq!(port.read(0x1C, 0), Err(Unknown));
+        // A pull-up holds a pin that nothing is wired to.
+        port.write(0x0C, 0b01 << 26 | 0b01 << 4, 0).unwrap();
+        assert_eq!(port.read(0x10, 0), Ok(1 << 13 | 0b100));
+        port.set_level(13, false);
+        assert_eq!(port.read(0x10, 0), Ok(0b100));
     }
 }

@@ -1,0 +1,36 @@
+//! What has to stay within a limit, period by period.
+
+use super::{Period, ProtectionLimits, Trip, beyond};
+use crate::fault::Fault;
+
+pub(super) fn step<const N: usize>(
+    limits: &ProtectionLimits<N>,
+    period: &Period<'_, N>,
+) -> Result<(), Trip> {
+    let Period {
+        estimate,
+        reference,
+        reaction_force,
+        ..
+    } = period;
+    beyond(Fault::Velocity, estimate.velocity.0, limits.velocity)?;
+    beyond(
+        Fault::ReactionForce,
+        reaction_force.0,
+        limits.reaction_force,
+    )?;
+    beyond(
+        Fault::Disturbance,
+        estimate.disturbance.0,
+        limits.disturbance,
+    )?;
+    beyond(Fault::Unexpected, estimate.innovation.0, limits.innovation)?;
+    let mut inner = 0.0;
+    for (deflection, limit) in estimate.deflection.iter().zip(&limits.deflection) {
+        beyond(Fault::Deflection, deflection - inner, *limit)?;
+        inner = *deflection;
+    }
+    // Last: what is worse comes first.
+    let error = period.reading.position.0 - reference.position.0;
+    beyond(Fault::FollowingError, error, limits.following_error)
+}
