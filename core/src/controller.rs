@@ -95,14 +95,14 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             regulator,
             limits,
             motion,
-            protection: _,
+            protection,
         } = settings;
         let force_constant = actuator.actual_force_constant();
         let (g_dist, g_reac, period) = (*disturbance_cutoff, *reaction_force_cutoff, *sample_time);
         Ok(Self {
             parts: Parts {
                 encoder: *encoder,
-                protection: Protection::new(settings),
+                protection: Protection::new(protection, actuator, encoder, limits, period),
                 disturbance: DisturbanceObserver::new(actuator, g_dist, period),
                 reaction_force: ReactionForceObserver::new(actuator, g_dist, g_reac, period),
                 observer: observer.clone(),
@@ -264,7 +264,9 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         }
         let least_motion = self.direction_check.least_motion();
         let excitation = &memory.excitation;
-        match excitation.step(&mut memory.played, reading.position, least_motion)? {
+        let played = excitation.step(&mut memory.played, reading.position, least_motion);
+        let value = reading.position.0;
+        match played.map_err(|fault| Trip { fault, value })? {
             Some(current) => self.limited(current),
             None => Ok(None),
         }

@@ -17,12 +17,13 @@ mod stall;
 mod thermal;
 mod within;
 
+use crate::actuator::Actuator;
 use crate::check::{SettingsError, finite, positive};
-use crate::encoder::Reading;
+use crate::encoder::{Encoder, Reading};
 use crate::fault::Fault;
+use crate::limits::Limits;
 use crate::moves::Reference;
 use crate::observer::Estimate;
-use crate::settings::Settings;
 use crate::units::{Current, Force};
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
@@ -126,30 +127,36 @@ pub(crate) struct Memory {
 }
 
 impl<const N: usize> Protection<N> {
-    pub(crate) fn new<O>(settings: &Settings<N, O>) -> Self {
-        let limits = &settings.protection;
+    /// * `sample_time`: s
+    pub(crate) fn new(
+        protection: &ProtectionLimits<N>,
+        actuator: &Actuator,
+        encoder: &Encoder,
+        limits: &Limits,
+        sample_time: f32,
+    ) -> Self {
         Self {
-            limits: limits.clone(),
-            applied_current: applied_current::AppliedCurrent::new(&settings.limits),
+            limits: protection.clone(),
+            applied_current: applied_current::AppliedCurrent::new(limits),
             encoder_step: encoder_step::EncoderStep::new(
-                &settings.actuator,
-                limits.encoder_step,
-                settings.sample_time,
+                actuator,
+                protection.encoder_step,
+                sample_time,
             ),
             stall: stall::Stall::new(
-                settings.actuator.actual_force_constant(),
-                settings.encoder.resolution,
-                limits.stiction,
+                actuator.actual_force_constant(),
+                encoder.resolution,
+                protection.stiction,
             ),
             saturation: saturation::Saturation::new(
-                &settings.limits,
-                limits.saturation_time,
-                settings.sample_time,
+                limits,
+                protection.saturation_time,
+                sample_time,
             ),
             thermal: thermal::Thermal::new(
-                limits.continuous_current,
-                limits.thermal_time,
-                settings.sample_time,
+                protection.continuous_current,
+                protection.thermal_time,
+                sample_time,
             ),
         }
     }

@@ -258,9 +258,10 @@ fn an_actuator_that_leaves_its_travel_is_stopped() {
     assert!(f64::from(fault.position.abs()) > travel);
     assert_eq!(fault.command, 0.0);
     let expected = format!(
-        "ERROR fault {}: Travel in period {}",
+        "ERROR fault {}: Travel in period {}, value {}",
         Fault::Travel.number(),
-        fault.period
+        fault.period,
+        fault.fault_value
     );
     assert!(
         capture.messages.contains(&expected),
