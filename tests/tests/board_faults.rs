@@ -6,6 +6,7 @@ use arso_tests::campaign::flips::flips;
 use arso_tests::campaign::outcome::Verdict;
 use arso_tests::campaign::stage::Stage;
 use arso_tests::campaign::summary::{Row, campaign};
+use arso_tests::campaign::workers::processors;
 use arso_tests::virtual_board::Rig;
 use host_sim::drive::Drive;
 
@@ -29,7 +30,7 @@ fn with(rows: &[Row], verdict: Verdict) -> Vec<&'static str> {
 /// Every fault, once in motion and once at rest.
 #[test]
 fn every_fault_ends_as_it_is_known_to_end() {
-    let rows = campaign(&stage(1), FAULTS).unwrap();
+    let rows = campaign(&stage(1), FAULTS, processors()).unwrap();
     for row in &rows {
         println!("{}: {} {:?}", row.name, row.verdict().name(), row.codes());
     }
@@ -42,7 +43,7 @@ fn every_fault_ends_as_it_is_known_to_end() {
 /// Whatever bit of memory flips, the run switch stops the drive.
 #[test]
 fn a_flipped_bit_leaves_the_drive_stoppable() {
-    for flip in flips(&stage(2), 50).unwrap() {
+    for flip in flips(&stage(2), 50, processors()).unwrap() {
         let verdict = flip.outcome.verdict;
         assert!(!verdict.is_danger(), "{:#x} bit {}", flip.address, flip.bit);
     }

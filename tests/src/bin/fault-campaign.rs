@@ -3,6 +3,7 @@
 
 use arso_tests::campaign::report::Report;
 use arso_tests::campaign::stage::Stage;
+use arso_tests::campaign::workers::processors;
 use arso_tests::campaign::{flips, summary};
 use arso_tests::virtual_board::Stop;
 use clap::Parser;
@@ -32,6 +33,9 @@ struct Cli {
     /// Flip single bits of memory as well, this many, one in each run.
     #[arg(long, value_name = "COUNT", default_value_t = 0)]
     flips: u32,
+    /// Threads, which change nothing but the time it takes; as many as processors when not given.
+    #[arg(long, value_name = "COUNT")]
+    threads: Option<usize>,
     /// Print every run as JSON instead of the table.
     #[arg(long)]
     json: bool,
@@ -64,9 +68,10 @@ impl Cli {
             message,
         })?;
         let stopped = |stop: Stop| Error::Simulation(stop.to_string());
+        let threads = self.threads.unwrap_or_else(processors);
         let faults = summary::faults_named(&self.only);
-        let rows = summary::campaign(&stage, &faults).map_err(stopped)?;
-        let flips = flips::flips(&stage, self.flips).map_err(stopped)?;
+        let rows = summary::campaign(&stage, &faults, threads).map_err(stopped)?;
+        let flips = flips::flips(&stage, self.flips, threads).map_err(stopped)?;
         let name = self.elf.file_name().unwrap_or_default().to_string_lossy();
         let report = Report {
             firmware: &name,

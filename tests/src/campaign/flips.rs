@@ -28,13 +28,14 @@ pub struct Flip {
     pub outcome: Outcome,
 }
 
-/// Flips as many bits, one in each run.
+/// Flips as many bits, one in each run; the same on any number of threads.
 ///
 /// # Errors
 /// Whatever stops the firmware before anything is broken.
-pub fn flips(stage: &Stage, count: u32) -> Result<Vec<Flip>, Stop> {
+pub fn flips(stage: &Stage, count: u32, threads: usize) -> Result<Vec<Flip>, Stop> {
     share(
         count as usize,
+        threads,
         || stage.rig(),
         |number, rig| flip(number as u64, stage, rig),
     )

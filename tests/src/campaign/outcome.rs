@@ -15,7 +15,8 @@ pub enum Verdict {
     LeftEnergised,
     /// Too fast or too far while energised, no fault.
     Runaway,
-    /// The run switch was opened, and the amplifier was not switched off; or it came on again by itself.
+    /// The run switch was opened, and the amplifier was not switched off in time; or it came on again by
+    /// itself.
     Unstoppable,
 }
 

@@ -2,6 +2,7 @@
 
 use super::flips::Flip;
 use super::outcome::{Outcome, Verdict};
+use super::run::STOP_WITHIN;
 use super::summary::Row;
 use super::{GOAL_PERIODS, GOAL_TRAVEL, RUNAWAY_BEYOND, RUNAWAY_VELOCITY};
 use serde_json::{Value, json};
@@ -38,7 +39,7 @@ impl Report<'_> {
             "# Fault campaign\n\n{}: {} faults at {} instants of a step of 30 mm and {} at rest.\n\n\
              Goal: off within {GOAL_PERIODS} periods of the fault or {:.0} mm of travel, whichever is later, for \
              every fault that removes control; no runaway (faster than {RUNAWAY_VELOCITY} m/s or farther than \
-             {:.0} mm beyond the range of the motion, energised, no fault); off when the run switch is open. The \
+             {:.0} mm beyond the range of the motion, energised, no fault); off within {STOP_WITHIN} periods of opening the run switch (wanted: 1). The \
              crystal's failure is not tried: the virtual board has no model of it.\n\n",
             self.firmware,
             self.rows.len(),
@@ -110,10 +111,12 @@ impl Report<'_> {
             format!("{}: {runs} runs, worst of {faults} faults", verdict.name())
         });
         let met = self.rows.iter().filter(|row| row.meets_goal()).count();
+        let stops = self.outcomes().filter_map(|outcome| outcome.stop_periods);
         format!(
-            "{}. Goal met for {met} of {} faults.",
+            "{}. Goal met for {met} of {} faults. Slowest stop by the run switch: {} periods.",
             counts.join("; "),
-            self.rows.len()
+            self.rows.len(),
+            stops.max().unwrap_or(0),
         )
     }
 

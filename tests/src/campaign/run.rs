@@ -14,7 +14,9 @@ use host_sim::capture::read_defmt;
 pub const HORIZON: u32 = 600;
 /// Periods for which the amplifier must have stayed off by then.
 const STAYS_OFF: u32 = 150;
-/// Periods after the run switch is opened within which the amplifier must be off.
+/// Periods after the run switch is opened within which the amplifier must be off, and for which it is
+/// waited for, to see how long it takes.
+pub const STOP_WITHIN: u32 = 100;
 const LONGEST_STOP: u32 = 3000;
 /// Periods for which the load must be within its band at the end, and how wide that is.
 const IN_BAND: u32 = 50;
@@ -27,7 +29,7 @@ pub fn run(fault: Fault, seed: u64, instant: &Instant, stage: &Stage, rig: &mut 
     rig.restore(&instant.rig);
     let mut watch = Watch::new(rig, stage);
     if fault == Fault::Processor(Processor::Reset) {
-        watch.reset = Some("reset");
+        watch.by = Some("reset");
     }
     let ends = inject::begin(fault, rig, stage, seed);
     let mut until = HORIZON;
@@ -61,10 +63,11 @@ pub fn open_run_switch(watch: &mut Watch, outcome: &mut Outcome, rig: &mut Rig, 
             off = Some(watch.now);
         }
     }
-    match off {
-        None => outcome.verdict = Verdict::Unstoppable,
-        Some(off) if !was_off => outcome.stop_periods = Some(off - opened),
-        Some(_) => {}
+    if !was_off {
+        outcome.stop_periods = off.map(|off| off - opened);
+    }
+    if off.is_none_or(|off| off > opened + STOP_WITHIN) {
+        outcome.verdict = Verdict::Unstoppable;
     }
 }
 
@@ -80,8 +83,8 @@ pub struct Watch {
     pub ran_away: bool,
     /// It was off, and came on again by itself.
     back: bool,
-    /// What has reset the board.
-    reset: Option<&'static str>,
+    /// What, other than the drive itself, has switched the amplifier off.
+    by: Option<&'static str>,
     /// The amplifier's, A.
     limit: f64,
     /// Where the actuator was at the fault, m.
@@ -105,7 +108,7 @@ impl Watch {
             off: None,
             ran_away: false,
             back: false,
-            reset: None,
+            by: None,
             limit: stage.drive.actuator.current_limit,
             origin: rig.plant().state()[0],
             travel: 0.0,
@@ -125,7 +128,7 @@ impl Watch {
             Err(stop) => {
                 let resets = matches!(stop, Stop::WatchdogReset | Stop::ResetRequested);
                 self.energised = false;
-                self.reset.get_or_insert("watchdog");
+                self.by.get_or_insert("watchdog");
                 // The plant alone stops a rig otherwise, when its motion is no longer finite.
                 self.ran_away |= !resets;
                 rig.reset_board(&stage.fresh);
@@ -154,6 +157,9 @@ impl Watch {
             }
         } else if self.off.is_none() {
             self.off = Some(self.now);
+            if rig.board.dead().is_some() {
+                self.by = self.by.or(Some("halt"));
+            }
         }
         let near = (state[2 * TARGETED] - TARGET).abs() < BAND;
         self.in_band = if near { self.in_band + 1 } else { 0 };
@@ -191,8 +197,7 @@ impl Watch {
     /// What has switched the amplifier off, from the log and the state of the board.
     fn code(&self, rig: &Rig, stage: &Stage) -> String {
         fault_in_log(&rig.log, &stage.elf)
-            .or(self.reset.map(Into::into))
-            .or(rig.board.dead().map(|_| "halt".into()))
+            .or(self.by.map(Into::into))
             .unwrap_or_else(|| "off".into())
     }
 }

@@ -17,14 +17,15 @@ pub struct Row {
     pub runs: [Vec<Outcome>; 2],
 }
 
-/// The whole campaign.
+/// The whole campaign, the same on any number of threads.
 ///
 /// # Errors
 /// Whatever stops the firmware before anything is broken.
-pub fn campaign(stage: &Stage, faults: &[Named]) -> Result<Vec<Row>, Stop> {
+pub fn campaign(stage: &Stage, faults: &[Named], threads: usize) -> Result<Vec<Row>, Stop> {
     let instants = &stage.instants;
     let outcomes = share(
         faults.len() * instants.len(),
+        threads,
         || stage.rig(),
         |number, rig| {
             let fault = faults[number / instants.len()].fault;

@@ -3,8 +3,15 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Does `count` pieces of work on all processors.
+/// As many threads as there are processors.
+#[must_use]
+pub fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Does `count` pieces of work.
 ///
+/// * `threads`: on how many threads
 /// * `start`: what a thread needs for itself, once
 /// * `work`: one piece, by number
 ///
@@ -12,10 +19,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// The first error of `start`.
 pub fn share<W, T: Send, E: Send>(
     count: usize,
+    threads: usize,
     start: impl Fn() -> Result<W, E> + Sync,
     work: impl Fn(usize, &mut W) -> T + Sync,
 ) -> Result<Vec<T>, E> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Ok(Vec::with_capacity(count)));
     std::thread::scope(|scope| {

@@ -638,6 +638,13 @@ fn before_instruction(uc: &mut Unicorn<'_, Machine>, pc: u32) {
     } else if endless && uc.reg_read(RegisterARM::PRIMASK).unwrap_or(0) & 1 == 1 {
         uc.get_data_mut().pause = Some(Pause::Error(Stop::Halted { pc }));
         let _ = uc.emu_stop();
+    } else if endless && !uc.get_data().alert {
+        // A jump to itself changes nothing until something is due.
+        let machine = uc.get_data_mut();
+        let left = machine.deadline.saturating_sub(machine.bus.now);
+        if machine.deadline != u64::MAX {
+            machine.bus.now += left.next_multiple_of(cycles);
+        }
     }
 }
 
