@@ -1,6 +1,8 @@
 //! Independent truth for the tests of the drive.
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "virtual-board")]
+pub mod campaign;
 pub mod drives;
 pub mod reference;
 #[cfg(feature = "virtual-board")]

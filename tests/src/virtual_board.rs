@@ -18,6 +18,7 @@
 
 pub mod bus;
 pub mod cpu;
+pub mod harm;
 pub mod image;
 pub mod nvic;
 pub mod peripheral;

@@ -3,9 +3,14 @@
 //! The interrupt's computing time (some microseconds) is taken as zero for the plant: the current
 //! that the interrupt commands flows from the beginning of the period, as it does in host-sim.
 
+mod snapshot;
+
+pub use snapshot::Snapshot;
+
 use super::cpu::{Board, Stop};
+use super::harm::interrupt_line::Arrival;
+use super::harm::{Amplifier, EncoderLine, InterruptLine, LogHost};
 use super::image::Image;
-use super::peripheral::encoder_timer::Phases;
 use super::rtt::Rtt;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::excite::LONGEST_EXCITATION;
@@ -37,11 +42,6 @@ pub struct Period {
     /// Estimated cycles of the control interrupt.
     pub cycles: u64,
 }
-
-/// Code of zero current, and amperes per code, of the amplifier: to the last bit what the drive
-/// takes it for, so that a difference to the simulation is a difference in the drive.
-const ZERO_CODE: f32 = 2048.0;
-const AMPERES_PER_CODE: f32 = 1e-3;
 
 /// Periods in which commissioning must be over, in which switches and drive settle, and in which the
 /// drive has seen that the machine is at rest.
@@ -98,10 +98,24 @@ pub struct Rig {
     pub wiring: Wiring,
     /// The plant does not move: somebody holds it.
     pub held: bool,
+    /// What breaks the board is what it does to the machine: it goes on as the hardware would, see
+    /// [`Board::run_for`], and a period ends by the clock if the control timer does not end it.
+    pub as_hardware: bool,
     /// Everything the firmware has logged.
     pub log: Vec<u8>,
+    /// The encoder and its cable.
+    pub encoder: EncoderLine,
+    /// The amplifier.
+    pub amplifier: Amplifier,
+    /// The line of the control interrupt.
+    pub interrupts: InterruptLine,
+    /// Who takes the log.
+    pub log_host: LogHost,
     plant: Plant,
+    /// Time that the plant makes at once, s.
+    plant_step: f64,
     rtt: Option<Rtt>,
+    switches: Switches,
     encoder_count: i64,
     resolution: f64,
     period_timer_clocks: u32,
@@ -130,7 +144,14 @@ impl Rig {
             board,
             wiring: Wiring::default(),
             held: false,
+            as_hardware: false,
             log: Vec::new(),
+            encoder: EncoderLine::default(),
+            amplifier: Amplifier::default(),
+            interrupts: InterruptLine::default(),
+            log_host: LogHost::default(),
+            plant_step: drive.control.sample_time,
+            switches: Switches::default(),
             plant: Plant::new(plant, drive.control.sample_time),
             rtt: Rtt::new(image),
             encoder_count: 0,
@@ -150,8 +171,23 @@ impl Rig {
         &self.plant
     }
 
+    /// Another machine from now on, in the state that this one is in.
+    ///
+    /// * `parts`: of a control period that the plant is advanced by at once
+    /// * `stopped`: its actuator stands still
+    pub fn change_plant(&mut self, plant: &PlantFile, parts: u32, stopped: bool) {
+        self.plant_step = self.sample_time / f64::from(parts);
+        let mut state = self.plant.state().clone();
+        if stopped {
+            state[1] = 0.0;
+        }
+        self.plant = Plant::new(plant, self.plant_step);
+        self.plant.set_state(state);
+    }
+
     /// Sets the switches.
     pub fn switches(&mut self, switches: Switches) {
+        self.switches = switches;
         let Switches {
             run,
             excite,
@@ -171,39 +207,28 @@ impl Rig {
     /// Whatever stops the firmware.
     pub fn period(&mut self) -> Result<Period, Stop> {
         let count = self.board.bus().encoder.count();
-        let began = self.board.bus().now;
         let before = self.board.interrupt_cost();
-        let result = self.board.run_to_tick();
+        let result = match self.interrupts.step() {
+            Arrival::InTime => self.part(1.0),
+            Arrival::Never => {
+                self.board.bus_mut().tick.drop_update();
+                self.part(1.0)
+            }
+            Arrival::Late => {
+                self.board.bus_mut().tick.drop_update();
+                self.part(0.5).and_then(|()| {
+                    self.board.bus_mut().tick.raise_update();
+                    self.part(1.0)
+                })
+            }
+        };
         // What was logged before the end matters most.
         if let Some(rtt) = &mut self.rtt {
-            self.log.extend(rtt.take(&mut self.board));
+            self.log.extend(rtt.period(self.log_host, &mut self.board));
         }
         result?;
         let code = self.board.bus().current_reference();
         let enabled = self.board.bus().ports[1].drives_high(12);
-        if !self.held {
-            // Without a reference the amplifier's input rests at half its range.
-            let steps = code.map_or(ZERO_CODE, f32::from) - ZERO_CODE;
-            let mut current = if enabled {
-                f64::from(steps * AMPERES_PER_CODE)
-            } else {
-                0.0
-            };
-            if self.wiring.motor_reversed {
-                current = -current;
-            }
-            // Time passes at the pace of the board's own clock, in whole control periods.
-            let bus = self.board.bus();
-            self.owed += (bus.now - began) as f64 / bus.rcc.processor_hz() as f64;
-            while self.owed > 0.5 * self.sample_time {
-                self.owed -= self.sample_time;
-                self.plant.advance(current).map_err(|error| Stop::Fault {
-                    pc: 0,
-                    error: error.to_string(),
-                })?;
-            }
-            self.feed_encoder(u64::MAX);
-        }
         let after = self.board.interrupt_cost();
         Ok(Period {
             count,
@@ -212,6 +237,49 @@ impl Rig {
             instructions: after.instructions - before.instructions,
             cycles: after.cycles - before.cycles,
         })
+    }
+
+    /// The board until the control timer's next update, and the plant for as long.
+    ///
+    /// * `most`: periods after which the clock ends it, where it may
+    fn part(&mut self, most: f64) -> Result<(), Stop> {
+        let bus = self.board.bus();
+        let began = bus.now;
+        let result = if self.as_hardware {
+            // A period is never this much longer than the timer makes it.
+            let cycles = 1.01 * most * self.sample_time * bus.rcc.processor_hz() as f64;
+            self.board.run_for(cycles as u64)
+        } else {
+            self.board.run_to_tick()
+        };
+        self.pass(began)?;
+        result
+    }
+
+    /// The plant catches up with the board, under what the board's outputs are now.
+    ///
+    /// * `began`: the processor's cycles when they were last told to the plant
+    fn pass(&mut self, began: u64) -> Result<(), Stop> {
+        if self.held {
+            return Ok(());
+        }
+        // Time passes at the pace of the board's own clock, in whole plant steps.
+        let bus = self.board.bus();
+        let (code, enabled) = (bus.current_reference(), bus.ports[1].drives_high(12));
+        self.owed += (bus.now - began) as f64 / bus.rcc.processor_hz() as f64;
+        while self.owed > 0.5 * self.plant_step {
+            self.owed -= self.plant_step;
+            let mut current = self.amplifier.step(code, enabled);
+            if self.wiring.motor_reversed {
+                current = -current;
+            }
+            self.plant.advance(current).map_err(|error| Stop::Fault {
+                pc: 0,
+                error: error.to_string(),
+            })?;
+        }
+        self.feed_encoder(u64::MAX);
+        Ok(())
     }
 
     /// Runs a number of periods.
@@ -324,7 +392,8 @@ impl Rig {
     /// Turns the encoder towards where the actuator is, edge by edge, evenly over the period and by
     /// some counts at most; whether any were left to do.
     fn feed_encoder(&mut self, most: u64) -> bool {
-        let target = (self.plant.state()[0] / self.resolution).round() as i64;
+        let actual = (self.plant.state()[0] / self.resolution).round() as i64;
+        let target = self.encoder.step(actual);
         let edges = target.abs_diff(self.encoder_count).min(most);
         if edges == 0 {
             return false;
@@ -338,7 +407,9 @@ impl Rig {
         let step = (target - self.encoder_count).signum();
         for _ in 0..edges {
             self.encoder_count += step;
-            let mut phases = Phases::at(self.encoder_count);
+            let Some(mut phases) = self.encoder.phases(self.encoder_count) else {
+                continue;
+            };
             if self.wiring.phases_swapped {
                 std::mem::swap(&mut phases.a, &mut phases.b);
             }

@@ -4,14 +4,20 @@
 //! for each channel name, buffer, size, write offset, read offset, flags (SEGGER's RTT protocol).
 
 use super::cpu::Board;
-use super::image::Image;
+use super::harm::LogHost;
+use super::image::{Image, RAM_SIZE};
 
 /// Reader of up channel 0.
 #[derive(Clone, Debug)]
 pub struct Rtt {
     control: u32,
     attached: bool,
+    /// Bytes that a slow host may take already.
+    allowance: f64,
 }
+
+/// Flags of a channel: wait until there is room.
+const BLOCK: u32 = 2;
 
 impl Rtt {
     /// The control block of a firmware, if it has one.
@@ -21,11 +27,29 @@ impl Rtt {
         Some(Self {
             control,
             attached: false,
+            allowance: 0.0,
         })
     }
 
-    /// Everything that was logged since the last call.
-    pub fn take(&mut self, board: &mut Board) -> Vec<u8> {
+    /// What the host takes in one control period.
+    pub fn period(&mut self, host: LogHost, board: &mut Board) -> Vec<u8> {
+        match host {
+            LogHost::Reads => self.take(board, usize::MAX),
+            LogHost::Absent => Vec::new(),
+            LogHost::Blocks(bytes) => {
+                board.set_memory(self.control + 24 + 20, &BLOCK.to_le_bytes());
+                self.allowance += bytes;
+                let whole = self.allowance.floor();
+                let taken = self.take(board, whole as usize);
+                // What was not there to be taken is no credit.
+                self.allowance -= whole;
+                taken
+            }
+        }
+    }
+
+    /// What was logged since the last call, as far as it is taken.
+    fn take(&mut self, board: &mut Board, most: usize) -> Vec<u8> {
         if !self.attached {
             // The identification is written last, when the block is ready.
             self.attached = board.memory(self.control, 10) == *b"SEGGER RTT";
@@ -40,7 +64,8 @@ impl Rtt {
             u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
         };
         let (buffer, size, write, read) = (word(1), word(2), word(3), word(4));
-        if write >= size || read >= size {
+        // A control block that makes no sense is left alone.
+        if write >= size || read >= size || size > RAM_SIZE {
             return Vec::new();
         }
         let mut data = Vec::new();
@@ -50,7 +75,9 @@ impl Rtt {
         } else {
             data.extend(board.memory(buffer + read, (write - read) as usize));
         }
-        board.set_memory(channel + 16, &write.to_le_bytes());
+        data.truncate(most);
+        let read = (read + data.len() as u32) % size;
+        board.set_memory(channel + 16, &read.to_le_bytes());
         data
     }
 }

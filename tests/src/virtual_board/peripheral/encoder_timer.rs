@@ -123,6 +123,12 @@ impl EncoderTimer {
         }
     }
 
+    /// The counter stands elsewhere all at once, without an edge on the inputs.
+    pub fn upset(&mut self, counts: i32) {
+        let range = i64::from(self.arr) + 1;
+        self.count = (i64::from(self.count) + i64::from(counts)).rem_euclid(range) as u32;
+    }
+
     /// The counter.
     #[must_use]
     pub fn count(&self) -> u32 {

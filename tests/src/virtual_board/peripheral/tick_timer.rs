@@ -86,6 +86,22 @@ impl TickTimer {
         self.sr & self.dier & UIF != 0
     }
 
+    /// The update event that came last gives no interrupt: somebody has lost it.
+    pub fn drop_update(&mut self) {
+        self.sr &= !UIF;
+    }
+
+    /// An update event is signalled without the counter's doing.
+    pub fn raise_update(&mut self) {
+        self.sr |= UIF;
+    }
+
+    /// The counter stands still from now on.
+    pub fn stop(&mut self, now: u64) {
+        self.count = self.counter(now);
+        self.cr1 &= !CEN;
+    }
+
     fn counter(&self, now: u64) -> u64 {
         if self.counting() {
             self.count + (now - self.since) / self.cycles_per_count()
