@@ -145,15 +145,12 @@ pub fn cases(design: &Design) -> Vec<Case> {
     cases
 }
 
-/// All laws on all plants.
+/// Whether the runs are short enough to make thousands of them.
 ///
 /// # Errors
-/// [`Error::Design`] or [`Error::Comparison`] when a rival cannot be formed, or the runs are too long.
-pub fn compare(design: &Design) -> Result<Vec<Row>> {
-    let cases = cases(design);
-    let duration = duration(design);
-    let target = scenario().target;
-    let period = design.drive.control.sample_time;
+/// [`Error::Comparison`] when they are not.
+pub fn require_comparable(design: &Design) -> Result<()> {
+    let (duration, period) = (duration(design), design.drive.control.sample_time);
     if duration > LONGEST * period {
         return Err(Error::Comparison(format!(
             "{PERIODS} periods of the slowest mode are {duration:.1} s, {:.0} control periods: at most \
@@ -161,6 +158,19 @@ pub fn compare(design: &Design) -> Result<Vec<Row>> {
             duration / period
         )));
     }
+    Ok(())
+}
+
+/// All laws on all plants.
+///
+/// # Errors
+/// [`Error::Design`] or [`Error::Comparison`] when a rival cannot be formed, or the runs are too long.
+pub fn compare(design: &Design) -> Result<Vec<Row>> {
+    require_comparable(design)?;
+    let cases = cases(design);
+    let duration = duration(design);
+    let target = scenario().target;
+    let period = design.drive.control.sample_time;
     let run = |case: &Case, law, control: &mut dyn Control| {
         let plant = (&case.plant, case.late);
         close_loop(law, control, plant, scenario(), (period, duration))

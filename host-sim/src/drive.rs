@@ -11,6 +11,7 @@
 
 mod design_tables;
 mod document;
+mod fit;
 mod machine_tables;
 mod schema;
 
@@ -191,6 +192,8 @@ pub struct PlantFile {
     pub friction: Friction,
     /// Forces from outside.
     pub forces: Vec<ExternalForce>,
+    /// The control period that the file was written for, s, where it states one.
+    pub sample_time: Option<f64>,
 }
 
 /// The drive as the controller believes it.
@@ -203,6 +206,7 @@ impl From<&Drive> for PlantFile {
             loads: drive.loads.clone(),
             friction: drive.friction.clone(),
             forces: Vec::new(),
+            sample_time: Some(drive.control.sample_time),
         }
     }
 }
@@ -283,7 +287,7 @@ impl Drive {
 
 impl PlantFile {
     /// Reads a plant file; `[control]`, `[observer]`, `[cost]` and `[move]` may stand in it and say
-    /// nothing.
+    /// nothing but the control period.
     ///
     /// # Errors
     /// [`Error::Read`] or [`Error::Input`].
@@ -302,6 +306,10 @@ impl PlantFile {
         let encoder = document.encoder(&raw.encoder)?;
         let loads = document.loads(&raw)?;
         let friction = document.friction(raw.friction.as_ref())?;
+        let control = raw.control.as_ref();
+        let sample_time = control
+            .map(|control| document.sample_time(&control.sample_time))
+            .transpose()?;
         let forces = raw.force.iter().enumerate();
         let forces = forces
             .map(|(i, force)| document.force(i + 1, force.get_ref(), loads.len()))
@@ -313,6 +321,7 @@ impl PlantFile {
             loads,
             friction,
             forces,
+            sample_time,
         })
     }
 }

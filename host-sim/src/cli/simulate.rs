@@ -1,6 +1,7 @@
 //! `host-sim simulate`: experiments in closed loop, the core beside feedback of the true state.
 
 use crate::design::Design;
+use crate::design::assessment::require_sound;
 use crate::drive::{DEFAULT_NAME, Drive, PlantFile};
 use crate::error::{Error, Result};
 use crate::output::{print, write_file};
@@ -56,18 +57,11 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 impl Simulate {
     pub(super) fn run(self) -> Result<()> {
         let drive = Drive::load(self.drive.as_deref())?;
-        let design = Design::new(&drive)?;
         let plant = match &self.plant {
             None => PlantFile::from(&drive),
             Some(path) => PlantFile::load(path)?,
         };
-        if plant.loads.len() != drive.loads.len() {
-            return Err(Error::Usage(format!(
-                "the plant has {} loads and the drive {}: they must have the same number",
-                plant.loads.len(),
-                drive.loads.len()
-            )));
-        }
+        plant.require_fit(&drive)?;
         if self.duration / drive.control.sample_time < 2.0 {
             return Err(Error::Usage(format!(
                 "--duration {}: must be two control periods of {} s at least",
@@ -88,12 +82,14 @@ impl Simulate {
                 .filter_map(|name| Scenario::named(name))
                 .collect()
         };
-        if self.csv {
-            let [scenario] = scenarios[..] else {
-                return Err(Error::Usage(
-                    "--csv prints one experiment: name it with --scenario".into(),
-                ));
-            };
+        if self.csv && scenarios.len() != 1 {
+            return Err(Error::Usage(
+                "--csv prints one experiment: name it with --scenario".into(),
+            ));
+        }
+        let design = Design::new(&drive)?;
+        require_sound(&design)?;
+        if let (true, [scenario]) = (self.csv, &scenarios[..]) {
             let run = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
             print(&String::from_utf8_lossy(&csv(&run)?))?;
             return require_no_fault([&run]);
