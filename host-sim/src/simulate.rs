@@ -13,6 +13,7 @@ pub mod ending;
 pub mod metrics;
 pub mod plant;
 pub mod scenario;
+pub mod watch;
 
 use crate::design::Design;
 use crate::drive::PlantFile;

@@ -8,6 +8,7 @@ use crate::output::{print, write_file};
 use crate::report::{csv::csv, design, experiments, plot::plot};
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{SCENARIOS, Scenario, of_the_paper};
+use crate::simulate::watch::watched;
 use crate::simulate::{Law, Run, simulate};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -98,8 +99,9 @@ impl Simulate {
         let mut runs: Vec<(Run, Metrics)> = Vec::new();
         let mut files = Vec::new();
         for scenario in scenarios {
-            let core = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
-            let bound = simulate(&design, &plant, scenario, Law::FullState, self.duration)?;
+            let of = |law| watched(&design, &plant, scenario, law, self.duration);
+            let ((core, metrics), (bound, metrics_of_bound)) =
+                (of(Law::Core)?, of(Law::FullState)?);
             for (name, content) in [
                 (
                     format!("{}.svg", scenario.name),
@@ -112,10 +114,7 @@ impl Simulate {
                 write_file(&path, &content)?;
                 files.push(path.display().to_string());
             }
-            for run in [core, bound] {
-                let metrics = Metrics::new(&run);
-                runs.push((run, metrics));
-            }
+            runs.extend([(core, metrics), (bound, metrics_of_bound)]);
         }
         if self.json {
             let json = experiments::json(&design, &runs, &files);

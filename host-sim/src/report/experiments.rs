@@ -4,8 +4,8 @@ use super::settled::settled;
 use super::table::{right, table};
 use crate::chain::controlled_mass;
 use crate::design::Design;
-use crate::output::significant;
 use crate::simulate::metrics::Metrics;
+use crate::simulate::watch::WATCHED;
 use crate::simulate::{Law, Run};
 use comfy_table::Cell;
 use serde_json::json;
@@ -74,10 +74,10 @@ pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
     format!(
         "{}\n{table}\n\
          Settling: within 2 % of the motion for good, and at rest at the end. Residual vibration: from 0.5 s on. \
-         Lists: actuator first; at the end: actuator and mass {mass}, over the last fifth of the run (0.2 s at \
-         least), where motion up to {} {micro} is rest.\n",
+         Lists: actuator first. The end: actuator and mass {mass} in the last fifth of the run and of {WATCHED} s \
+         more; motion up to {:.0} {micro} is rest there.\n",
         titles.collect::<String>(),
-        significant(1e6 * still, 2)
+        1e6 * still
     )
 }
 

@@ -29,7 +29,7 @@ pub enum Motion {
     Rest,
     /// It becomes less, or goes somewhere.
     Moving,
-    /// It goes on and gets nowhere.
+    /// That of the actuator goes on and gets nowhere.
     Hunting,
 }
 
@@ -62,13 +62,18 @@ impl Ending {
         let tolerance = STILL.max(STILL_COUNTS * run.resolution);
         let elements = [0, controlled];
         let motion = elements.map(|element| peak_to_peak(end, element));
-        let states = elements.map(|element| state(end, element, tolerance));
         Self {
             from: end.first().map_or(0.0, |sample| sample.time),
             offset: elements.map(|element| mean(end, element) - target),
             motion,
             tolerance,
-            state: states.into_iter().fold(Motion::Rest, worse),
+            state: if motion[0] > tolerance && lasts(end) {
+                Motion::Hunting
+            } else if motion.iter().any(|motion| *motion > tolerance) {
+                Motion::Moving
+            } else {
+                Motion::Rest
+            },
         }
     }
 
@@ -79,27 +84,13 @@ impl Ending {
     }
 }
 
-fn worse(a: Motion, b: Motion) -> Motion {
-    match (a, b) {
-        (Motion::Hunting, _) | (_, Motion::Hunting) => Motion::Hunting,
-        (Motion::Moving, _) | (_, Motion::Moving) => Motion::Moving,
-        _ => Motion::Rest,
-    }
-}
-
-fn state(end: &[Sample], element: usize, tolerance: f64) -> Motion {
-    let motion = peak_to_peak(end, element);
-    if motion <= tolerance {
-        return Motion::Rest;
-    }
+/// Whether the actuator's motion goes on and gets nowhere. A load that rings while the actuator stands still
+/// only takes its time.
+fn lasts(end: &[Sample]) -> bool {
     let (before, after) = end.split_at(end.len() / 2);
-    let drift = (mean(after, element) - mean(before, element)).abs();
-    let lasts = peak_to_peak(after, element) >= LASTING * peak_to_peak(before, element);
-    if lasts && drift <= DRIFT * motion {
-        Motion::Hunting
-    } else {
-        Motion::Moving
-    }
+    let drift = (mean(after, 0) - mean(before, 0)).abs();
+    let lasting = peak_to_peak(after, 0) >= LASTING * peak_to_peak(before, 0);
+    lasting && drift <= DRIFT * peak_to_peak(end, 0)
 }
 
 fn peak_to_peak(samples: &[Sample], element: usize) -> f64 {
@@ -123,15 +114,20 @@ mod tests {
     use crate::simulate::scenario::Scenario;
     use nalgebra::DVector;
 
-    /// Runs of 1.2 s in which the actuator stands and the load moves by a formula around 30 mm, with an
-    /// encoder of a resolution.
-    fn ending(resolution: f64, load: impl Fn(f64) -> f64) -> Ending {
+    /// Runs of 1.2 s in which the load moves by a formula around 30 mm, and so does the actuator, or it stands
+    /// 0.1 mm before, with an encoder of a resolution.
+    fn ending(stands: bool, resolution: f64, load: impl Fn(f64) -> f64) -> Ending {
         let samples = (0..1200).map(|k| {
             let time = f64::from(k) * 1e-3;
             Sample {
                 time,
                 count: 0,
-                truth: DVector::from_row_slice(&[0.0299, 0.0, 0.03 + load(time), 0.0]),
+                truth: DVector::from_row_slice(&[
+                    if stands { 0.0299 } else { 0.03 + load(time) },
+                    0.0,
+                    0.03 + load(time),
+                    0.0,
+                ]),
                 true_reaction_force: 0.0,
                 reference: 0.03,
                 applied_current: 0.0,
@@ -157,29 +153,39 @@ mod tests {
         let ringing = |t: f64| 0.01 * (-4.0 * t).exp() * (75.0 * t).sin();
         let drift = |t: f64| 1e-3 * t;
         let resting = |t: f64| 20e-6 * (60.0 * t).sin();
-        for (name, resolution, state, motion, load) in [
+        for (name, stands, resolution, state, motion, load) in [
             (
                 "hunting",
+                false,
                 1e-6,
                 Motion::Hunting,
                 200e-6,
                 &hunting as &dyn Fn(f64) -> f64,
             ),
-            ("ringing", 1e-6, Motion::Moving, 140e-6, &ringing),
-            ("drift", 1e-6, Motion::Moving, 239e-6, &drift),
-            ("resting", 1e-6, Motion::Rest, 40e-6, &resting),
+            (
+                "the load alone",
+                true,
+                1e-6,
+                Motion::Moving,
+                200e-6,
+                &hunting,
+            ),
+            ("ringing", false, 1e-6, Motion::Moving, 400e-6, &ringing),
+            ("drift", false, 1e-6, Motion::Moving, 239e-6, &drift),
+            ("resting", false, 1e-6, Motion::Rest, 40e-6, &resting),
             // Two counts of a coarse encoder.
-            ("unseen", 101e-6, Motion::Rest, 200e-6, &hunting),
+            ("unseen", false, 101e-6, Motion::Rest, 200e-6, &hunting),
         ] {
-            let end = ending(resolution, load);
+            let end = ending(stands, resolution, load);
             assert_eq!(end.state, state, "{name}: {end:?}");
             assert!(
                 (end.motion[1] / motion - 1.0).abs() < 0.2,
                 "{name}: {end:?}"
             );
-            assert!((end.offset[0] + 1e-4).abs() < 1e-12 && end.motion[0] == 0.0);
             assert!((end.from - 0.96).abs() < 2e-3, "{name}: {end:?}");
         }
-        assert!((ending(1e-6, drift).offset[1] - 1.08e-3).abs() < 2e-6);
+        assert!((ending(false, 1e-6, drift).offset[1] - 1.08e-3).abs() < 2e-6);
+        let stands = ending(true, 1e-6, drift);
+        assert!((stands.offset[0] + 1e-4).abs() < 1e-12 && stands.motion[0] == 0.0);
     }
 }

@@ -41,6 +41,11 @@ pub struct Metrics {
     pub fault_time: Option<f64>,
 }
 
+/// Element of the state that is the controlled mass's position.
+pub(super) fn controlled(run: &Run) -> usize {
+    motion(run).0
+}
+
 /// Column of the controlled mass's position, its target and the span of its motion, m.
 fn motion(run: &Run) -> (usize, f64, f64) {
     let masses = run
@@ -113,9 +118,9 @@ impl Metrics {
         let observed = samples.iter().any(|sample| sample.record.is_some());
         let elements = (0..masses).map(|mass| 2 * mass);
         Self {
-            settling_time: within_band_from.filter(|_| end.state == Motion::Rest),
+            settling_time: within_band_from,
             within_band_from,
-            end,
+            end: end.clone(),
             overshoot: 100.0 * beyond.fold(0.0, f64::max),
             residual_vibration: window.map(|_| elements.clone().map(peak_to_peak).collect()),
             offset: window.map(|window| {
@@ -126,6 +131,18 @@ impl Metrics {
             estimation_error: observed.then(|| elements.map(rms).collect()),
             fault: run.fault.map(|(_, fault)| fault.number()),
             fault_time: run.fault.map(|(time, _)| time),
+        }
+        .with_end(end)
+    }
+
+    /// The same run with an end that is known better: settled is what is also at rest there.
+    #[must_use]
+    pub(super) fn with_end(self, end: Ending) -> Self {
+        let rests = end.state == Motion::Rest;
+        Self {
+            settling_time: self.within_band_from.filter(|_| rests),
+            end,
+            ..self
         }
     }
 }

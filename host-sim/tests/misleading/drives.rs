@@ -62,7 +62,7 @@ viscous = 2.975529
 coulomb = 2.00326
 "#;
 
-pub const BELT_2A_PLANT: &str = r#"[actuator]
+pub const BELT_2A_PLANT: &str = r"[actuator]
 mass = 1.04
 force_constant = 25.0
 current_limit = 2.0
@@ -81,7 +81,7 @@ damping = 2.0
 [friction]
 coulomb = 2.0
 viscous = 3.0
-"#;
+";
 
 pub const ROTARY: &str = r#"kind = "rotary"
 [actuator]
@@ -150,7 +150,7 @@ position = [225.0, 225.0]
 velocity = [0.2, 0.2]
 "#;
 
-pub const HEAVY_PLANT: &str = r#"[actuator]
+pub const HEAVY_PLANT: &str = r"[actuator]
 mass = 0.39
 force_constant = 20.0
 current_limit = 2.0
@@ -165,7 +165,7 @@ damping = 3.0
 [friction]
 coulomb = 1.0
 viscous = 2.0
-"#;
+";
 
 pub const HUNTING: &str = r#"[actuator]
 mass=1.51619

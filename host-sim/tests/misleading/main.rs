@@ -123,7 +123,7 @@ fn hunting_is_shown_and_is_not_settled() {
     for (name, drive, plant, least) in [
         ("rotary", ROTARY, Some(ROTARY_PLANT), 1e-3),
         ("heavy", HEAVY, Some(HEAVY_PLANT), 1.5e-3),
-        ("all checks pass", HUNTING, None, 0.3e-3),
+        ("all checks pass", HUNTING, None, 1.5e-3),
         ("wild", HUNTING_WILD, None, 5e-3),
     ] {
         let (metrics, row) = fig3(drive, plant);
@@ -152,7 +152,8 @@ fn the_offset_at_the_end_is_shown() {
     assert!(row.contains(&format!("{:.1}", 1e6 * offset)), "{row}");
     // The drive that is as described stands on its target.
     let (metrics, _) = fig3(DRIVE, None);
-    assert_eq!(metrics["settling_time"], 0.142);
+    let settled = metrics["settling_time"].as_f64().unwrap();
+    assert!((settled - 0.142).abs() < 1e-9, "{metrics}");
     for offset in metrics["end"]["offset"].as_array().unwrap() {
         assert!(offset.as_f64().unwrap().abs() < 10e-6, "{metrics}");
     }

@@ -181,6 +181,7 @@ fn the_fastest_of_a_move_is_that_of_its_plan() {
 /// Little margin is a warning, none to speak of a refusal.
 #[test]
 fn poor_margins_are_refused() {
+    use Verdict::{Pass, Refuse, Warn};
     let margins = |peak_sensitivity, phase_margin_deg| Margins {
         gain_margin_db: None,
         gain_reduction_db: None,
@@ -192,7 +193,6 @@ fn poor_margins_are_refused() {
     let verdicts = |margins: &Margins| -> Vec<Verdict> {
         of_margins(margins).map(|check| check.verdict).collect()
     };
-    use Verdict::{Pass, Refuse, Warn};
     assert_eq!(verdicts(&margins(1.8, Some(42.0))), [Pass, Pass]);
     assert_eq!(verdicts(&margins(2.9, Some(20.4))), [Warn, Warn]);
     assert_eq!(verdicts(&margins(9.0, Some(14.0))), [Refuse, Refuse]);

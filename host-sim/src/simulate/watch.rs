@@ -1,0 +1,41 @@
+//! A run, and what comes after it.
+//!
+//! Friction can hold an actuator at rest for a second while the disturbance state winds up, and let it go again:
+//! a drive that hunts looks settled in a run that ends too soon. So the loop runs on for a while after the
+//! experiment, and its end is that of the time it was watched.
+
+use super::ending::Ending;
+use super::metrics::{Metrics, controlled};
+use super::scenario::Scenario;
+use super::{Law, Run, simulate};
+use crate::design::Design;
+use crate::drive::PlantFile;
+use crate::error::Result;
+
+/// How long the loop is watched after the experiment, s, and in how many control periods at most.
+pub const WATCHED: f64 = 3.0;
+const LONGEST: f64 = 100_000.0;
+
+/// One experiment, and its figures with the end as it is after the loop has run on.
+///
+/// Forces from outside that begin after the experiment stay away. A fault after it is the run's fault.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn watched(
+    design: &Design,
+    plant: &PlantFile,
+    scenario: &Scenario,
+    law: Law,
+    duration: f64,
+) -> Result<(Run, Metrics)> {
+    let mut plant = plant.clone();
+    plant.forces.retain(|force| force.start < duration);
+    let period = design.drive.control.sample_time;
+    let after = WATCHED.min(LONGEST * period);
+    let mut run = simulate(design, &plant, scenario, law, duration + after)?;
+    let end = Ending::new(&run, controlled(&run));
+    run.samples.truncate((duration / period).round() as usize);
+    let metrics = Metrics::new(&run).with_end(end);
+    Ok((run, metrics))
+}
