@@ -29,7 +29,7 @@ pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
     let settling = format!("settling mass {mass} [ms]");
     let residual = format!("residual [{micro} p-p]");
     let offset = format!("off at the end [{micro}]");
-    let motion = format!("moving there [{micro} p-p]");
+    let motion = format!("still moving [{micro} p-p]");
     let error = format!("estimate error [{micro} rms]");
     let mut table = table(&[
         "experiment",
@@ -74,8 +74,9 @@ pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
     format!(
         "{}\n{table}\n\
          Settling: within 2 % of the motion for good, and at rest at the end. Residual vibration: from 0.5 s on. \
-         Lists: actuator first. The end: actuator and mass {mass} in the last fifth of the run and of {WATCHED} s \
-         more; motion up to {:.0} {micro} is rest there.\n",
+         Off at the end: in the last fifth of the run (0.2 s at least). Still moving: in the last fifth of the \
+         run and {WATCHED} s more, up to {:.0} {micro} is rest. Lists: actuator first, then loads, or mass {mass} \
+         alone.\n",
         titles.collect::<String>(),
         1e6 * still
     )

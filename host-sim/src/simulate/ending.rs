@@ -36,11 +36,11 @@ pub enum Motion {
 /// The end of a run, SI units; lists: actuator, controlled mass.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ending {
-    /// Where the last part begins, s.
+    /// Where the last part begins in which the motion is looked at, s.
     pub from: f64,
-    /// Mean distance from the target, m.
+    /// Mean distance from the target at the end of the experiment, m.
     pub offset: [f64; 2],
-    /// Peak-to-peak motion, m.
+    /// Peak-to-peak motion at the end of what was watched, m.
     pub motion: [f64; 2],
     /// What of that counts as rest, m.
     pub tolerance: f64,

@@ -132,16 +132,20 @@ impl Metrics {
             fault: run.fault.map(|(_, fault)| fault.number()),
             fault_time: run.fault.map(|(time, _)| time),
         }
-        .with_end(end)
+        .with_end(&end)
     }
 
-    /// The same run with an end that is known better: settled is what is also at rest there.
+    /// The same run whose motion at the end is known better: settled is what is also at rest there. Where it
+    /// stands at the end of the experiment stays what it was.
     #[must_use]
-    pub(super) fn with_end(self, end: Ending) -> Self {
+    pub(super) fn with_end(self, end: &Ending) -> Self {
         let rests = end.state == Motion::Rest;
         Self {
             settling_time: self.within_band_from.filter(|_| rests),
-            end,
+            end: Ending {
+                offset: self.end.offset,
+                ..end.clone()
+            },
             ..self
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! Friction can hold an actuator at rest for a second while the disturbance state winds up, and let it go again:
 //! a drive that hunts looks settled in a run that ends too soon. So the loop runs on for a while after the
-//! experiment, and its end is that of the time it was watched.
+//! experiment, and what moves at its end is what moves at the end of the time it was watched.
 
 use super::ending::Ending;
 use super::metrics::{Metrics, controlled};
@@ -36,6 +36,6 @@ pub fn watched(
     let mut run = simulate(design, &plant, scenario, law, duration + after)?;
     let end = Ending::new(&run, controlled(&run));
     run.samples.truncate((duration / period).round() as usize);
-    let metrics = Metrics::new(&run).with_end(end);
+    let metrics = Metrics::new(&run).with_end(&end);
     Ok((run, metrics))
 }

