@@ -21,6 +21,7 @@ use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{SCENARIOS, Scenario};
+use crate::simulate::watch::{after, judged};
 use crate::simulate::{Control, Core, FullState, Law, Run, close_loop};
 use encoder_observer::EncoderObserver;
 use pd::Pd;
@@ -171,15 +172,17 @@ pub fn compare(design: &Design) -> Result<Vec<Row>> {
     let duration = duration(design);
     let target = scenario().target;
     let period = design.drive.control.sample_time;
-    let run = |case: &Case, law, control: &mut dyn Control| {
+    let run = |case: &Case, law, control: &mut dyn Control, duration: f64| {
         let plant = (&case.plant, case.late);
         close_loop(law, control, plant, scenario(), (period, duration))
     };
+    let periods = (duration / period).round() as usize;
     let row = |law: &'static str, tuning, make: &dyn Fn(&Case) -> Result<Box<dyn Control>>| {
         let outcomes = cases.iter().map(|case| {
             let result = make(case).and_then(|mut control| {
                 let law = Law::Rival(law);
-                run(case, law, control.as_mut()).map(|run| Metrics::new(&run))
+                let run = run(case, law, control.as_mut(), duration + after(period))?;
+                Ok(judged(run, periods).1)
             });
             Outcome {
                 case: case.name.clone(),
@@ -200,8 +203,8 @@ pub fn compare(design: &Design) -> Result<Vec<Row>> {
             .filter(|case| case.tuned || (with_friction && case.plant.friction.coulomb > 0.0));
         tuned
             .map(|case| {
-                let result =
-                    make().and_then(|mut control| run(case, Law::Rival(""), control.as_mut()));
+                let result = make()
+                    .and_then(|mut control| run(case, Law::Rival(""), control.as_mut(), duration));
                 result.map_or(f64::INFINITY, |run: Run| tune::criterion(&run, duration))
             })
             .fold(0.0, f64::max)

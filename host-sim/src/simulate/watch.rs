@@ -32,10 +32,19 @@ pub fn watched(
     let mut plant = plant.clone();
     plant.forces.retain(|force| force.start < duration);
     let period = design.drive.control.sample_time;
-    let after = WATCHED.min(LONGEST * period);
-    let mut run = simulate(design, &plant, scenario, law, duration + after)?;
+    let run = simulate(design, &plant, scenario, law, duration + after(period))?;
+    Ok(judged(run, (duration / period).round() as usize))
+}
+
+/// How long a loop is watched after the experiment, s.
+pub(crate) fn after(period: f64) -> f64 {
+    WATCHED.min(LONGEST * period)
+}
+
+/// The experiment alone, so many control periods of a run that was watched, and its figures.
+pub(crate) fn judged(mut run: Run, periods: usize) -> (Run, Metrics) {
     let end = Ending::new(&run, controlled(&run));
-    run.samples.truncate((duration / period).round() as usize);
+    run.samples.truncate(periods);
     let metrics = Metrics::new(&run).with_end(&end);
-    Ok((run, metrics))
+    (run, metrics)
 }
