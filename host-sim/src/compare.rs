@@ -21,6 +21,7 @@ use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{SCENARIOS, Scenario};
+use crate::simulate::watch::{after, judged};
 use crate::simulate::{Control, Core, FullState, Law, Run, close_loop};
 use encoder_observer::EncoderObserver;
 use pd::Pd;
@@ -145,15 +146,12 @@ pub fn cases(design: &Design) -> Vec<Case> {
     cases
 }
 
-/// All laws on all plants.
+/// Whether the runs are short enough to make thousands of them.
 ///
 /// # Errors
-/// [`Error::Design`] or [`Error::Comparison`] when a rival cannot be formed, or the runs are too long.
-pub fn compare(design: &Design) -> Result<Vec<Row>> {
-    let cases = cases(design);
-    let duration = duration(design);
-    let target = scenario().target;
-    let period = design.drive.control.sample_time;
+/// [`Error::Comparison`] when they are not.
+pub fn require_comparable(design: &Design) -> Result<()> {
+    let (duration, period) = (duration(design), design.drive.control.sample_time);
     if duration > LONGEST * period {
         return Err(Error::Comparison(format!(
             "{PERIODS} periods of the slowest mode are {duration:.1} s, {:.0} control periods: at most \
@@ -161,15 +159,30 @@ pub fn compare(design: &Design) -> Result<Vec<Row>> {
             duration / period
         )));
     }
-    let run = |case: &Case, law, control: &mut dyn Control| {
+    Ok(())
+}
+
+/// All laws on all plants.
+///
+/// # Errors
+/// [`Error::Design`] or [`Error::Comparison`] when a rival cannot be formed, or the runs are too long.
+pub fn compare(design: &Design) -> Result<Vec<Row>> {
+    require_comparable(design)?;
+    let cases = cases(design);
+    let duration = duration(design);
+    let target = scenario().target;
+    let period = design.drive.control.sample_time;
+    let run = |case: &Case, law, control: &mut dyn Control, duration: f64| {
         let plant = (&case.plant, case.late);
         close_loop(law, control, plant, scenario(), (period, duration))
     };
+    let periods = (duration / period).round() as usize;
     let row = |law: &'static str, tuning, make: &dyn Fn(&Case) -> Result<Box<dyn Control>>| {
         let outcomes = cases.iter().map(|case| {
             let result = make(case).and_then(|mut control| {
                 let law = Law::Rival(law);
-                run(case, law, control.as_mut()).map(|run| Metrics::new(&run))
+                let run = run(case, law, control.as_mut(), duration + after(period))?;
+                Ok(judged(run, periods).1)
             });
             Outcome {
                 case: case.name.clone(),
@@ -190,8 +203,8 @@ pub fn compare(design: &Design) -> Result<Vec<Row>> {
             .filter(|case| case.tuned || (with_friction && case.plant.friction.coulomb > 0.0));
         tuned
             .map(|case| {
-                let result =
-                    make().and_then(|mut control| run(case, Law::Rival(""), control.as_mut()));
+                let result = make()
+                    .and_then(|mut control| run(case, Law::Rival(""), control.as_mut(), duration));
                 result.map_or(f64::INFINITY, |run: Run| tune::criterion(&run, duration))
             })
             .fold(0.0, f64::max)

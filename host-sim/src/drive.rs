@@ -11,6 +11,7 @@
 
 mod design_tables;
 mod document;
+mod fit;
 mod machine_tables;
 mod schema;
 
@@ -220,6 +221,8 @@ pub struct PlantFile {
     pub friction: Friction,
     /// Forces from outside.
     pub forces: Vec<ExternalForce>,
+    /// The control period that the file was written for, s, where it states one.
+    pub sample_time: Option<f64>,
 }
 
 /// The drive as the controller believes it.
@@ -232,6 +235,7 @@ impl From<&Drive> for PlantFile {
             loads: drive.loads.clone(),
             friction: drive.friction.clone(),
             forces: Vec::new(),
+            sample_time: Some(drive.control.sample_time),
         }
     }
 }
@@ -315,7 +319,7 @@ impl Drive {
 
 impl PlantFile {
     /// Reads a plant file; `[control]`, `[observer]`, `[cost]` and `[move]` may stand in it and say
-    /// nothing.
+    /// nothing but the control period.
     ///
     /// # Errors
     /// [`Error::Read`] or [`Error::Input`].
@@ -334,6 +338,10 @@ impl PlantFile {
         let encoder = document.encoder(&raw.encoder)?;
         let loads = document.loads(&raw)?;
         let friction = document.friction(raw.friction.as_ref())?;
+        let control = raw.control.as_ref();
+        let sample_time = control
+            .map(|control| document.sample_time(&control.sample_time))
+            .transpose()?;
         let forces = raw.force.iter().enumerate();
         let forces = forces
             .map(|(i, force)| document.force(i + 1, force.get_ref(), loads.len()))
@@ -345,6 +353,7 @@ impl PlantFile {
             loads,
             friction,
             forces,
+            sample_time,
         })
     }
 }

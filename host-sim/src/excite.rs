@@ -16,6 +16,7 @@ mod prediction;
 mod request;
 mod signal;
 
+use crate::design::checks::quarter_of_range;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::machine::encoder::LEAST_COUNTS;
@@ -136,6 +137,15 @@ impl ExcitationPlan {
             plan.table = signal::in_steps(&shape, peak);
             plan.prediction = Prediction::new(drive, &plan)?;
             plan.reduced_from = Some(current);
+        }
+        let per_period = plan.prediction.speed * sample_time / drive.encoder.resolution;
+        let largest = quarter_of_range(drive.encoder.counter_bits);
+        if per_period > largest {
+            return Err(Error::Usage(format!(
+                "a current of {} A moves the encoder by {per_period:.0} counts in one control period: must be \
+                 {largest} at most, a quarter of its counter's range, allow less `current` or less `travel`",
+                significant(plan.peak(), 3)
+            )));
         }
         // Fewer hide in their own rounding, and what sticks does not move.
         let counts = plan.prediction.with_friction / drive.encoder.resolution;

@@ -15,6 +15,7 @@ pub mod identification;
 pub mod log;
 pub mod paper;
 pub mod plot;
+mod settled;
 mod table;
 
 /// A time for a CSV file: in whole nanoseconds, because 0.1 + 0.2 has no place in a time column.

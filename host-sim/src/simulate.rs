@@ -9,9 +9,11 @@
 //! `K`: the bound that no observer can beat.
 
 pub mod corridor;
+pub mod ending;
 pub mod metrics;
 pub mod plant;
 pub mod scenario;
+pub mod watch;
 
 use crate::design::Design;
 use crate::drive::PlantFile;
@@ -71,6 +73,8 @@ pub struct Run {
     pub scenario: Scenario,
     /// Which control law.
     pub law: Law,
+    /// What the plant's encoder can tell apart, m.
+    pub resolution: f64,
     /// Every control period.
     pub samples: Vec<Sample>,
     /// The fault that stopped the drive, and when (s).
@@ -151,6 +155,7 @@ pub(crate) fn close_loop(
     }
     Ok(Run {
         kind: file.kind,
+        resolution: file.encoder.resolution,
         scenario: *scenario,
         law,
         samples,

@@ -202,18 +202,6 @@ fn without_the_disturbance_state_friction_is_taken_for_load() {
     assert!(without["settling_time"].is_null(), "{without}");
 }
 
-/// A reader sees the checks explained, passed or not: what the double zero of a free chain means is said.
-#[test]
-fn every_check_is_explained() {
-    let directory = tempfile::tempdir().unwrap();
-    let text = good(directory.path(), DRIVE, &["design", "drive.toml"]);
-    let value = json(directory.path(), DRIVE, &["design", "drive.toml"]);
-    for check in value["checks"].as_array().unwrap() {
-        assert!(text.contains(check["advice"].as_str().unwrap()), "{check}");
-    }
-    assert!(text.contains("the free chain has a double zero"), "{text}");
-}
-
 /// The plot of K(t), whole or not at all.
 #[test]
 fn the_gain_over_the_time_to_go_is_plotted() {

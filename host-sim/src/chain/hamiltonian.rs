@@ -25,6 +25,7 @@ use super::Chain;
 use crate::error::NoSolution;
 use crate::linear::Result;
 use crate::linear::dare::DoublingTriple;
+use crate::linear::eigen::spectral_radius;
 use nalgebra::{DMatrix, DVector, RowDVector};
 
 /// `K` with a given time to go, for each of the times.
@@ -44,8 +45,9 @@ pub fn gains(
     let (a, b) = (chain.a(), chain.b());
     let flow = hamiltonian(&a, &b, q, r);
     let singular = || NoSolution("a step of the finite-horizon solution is singular".into());
-    // Pieces in which nothing grows by more than e.
-    let longest = 1.0 / fastest(&a).max(1e-9);
+    // Pieces in which nothing grows by more than e: neither the chain nor, where the weights are large
+    // against that of the current, the flow, whose fastest part is then a pole of the loop.
+    let longest = 1.0 / fastest(&a).max(spectral_radius(&flow)?).max(1e-9);
     // (10): at the end P is H.
     let mut riccati = terminal.clone();
     let mut reached = 0.0;
@@ -65,7 +67,12 @@ pub fn gains(
         }
         reached = *time;
         // (12) and (14).
-        result.push(b.transpose() * &riccati / r);
+        let gain = b.transpose() * &riccati / r;
+        if !gain.iter().all(|value| value.is_finite()) {
+            let why = "the weights lie too far apart for the finite-horizon gain, eq. (14)";
+            return Err(NoSolution(why.into()));
+        }
+        result.push(gain);
     }
     Ok(result)
 }
@@ -157,5 +164,25 @@ mod tests {
         let heavy = DMatrix::identity(8, 8) * 100.0;
         let other = gains(&chain, (&WEIGHTS, 1.0), &heavy, &[5.0]).unwrap();
         assert!((&other[0] - &long[1]).amax() < 1e-8);
+    }
+
+    /// The same constant gain with weights sixteen decades apart, where the flow is thousands of times
+    /// faster than the chain.
+    #[test]
+    fn heavy_weights_have_a_gain_as_well() {
+        let mut chain = Chain::of_table_1(300.0, 0.1);
+        chain.mass[1] = 0.136_066;
+        let mut weights = WEIGHTS;
+        for (mass, velocity) in [1e8, 6.5e-8, 24.15, 0.0155].into_iter().enumerate() {
+            weights[2 * mass + 1] = velocity;
+        }
+        let zero = DMatrix::zeros(8, 8);
+        // Until the slowest part, 3.4e2 s, has settled.
+        let times = [0.01, 0.3, 2e4];
+        let found = gains(&chain, (&weights, 1.0), &zero, &times).unwrap();
+        assert!(found.iter().all(|gain| gain.iter().all(|k| k.is_finite())));
+        let sum: f64 = found[2].iter().step_by(2).sum();
+        assert!((sum / 30.0 - 1.0).abs() < 1e-3, "{sum}");
+        assert!((found[2][1] / 1e4 - 1.0).abs() < 1e-3, "{}", found[2][1]);
     }
 }

@@ -1,7 +1,8 @@
 //! `host-sim compare`: the drive beside its rivals.
 
-use crate::compare::compare;
+use crate::compare::{compare, require_comparable};
 use crate::design::Design;
+use crate::design::assessment::require_sound;
 use crate::drive::{DEFAULT_NAME, Drive};
 use crate::error::Result;
 use crate::output::print;
@@ -28,6 +29,8 @@ impl CompareCommand {
     pub(super) fn run(self) -> Result<()> {
         let drive = Drive::load(self.drive.as_deref())?;
         let design = Design::new(&drive)?;
+        require_comparable(&design)?;
+        require_sound(&design)?;
         let rows = compare(&design)?;
         if self.json {
             return print(&format!("{:#}\n", comparison::json(&design, &rows)));

@@ -2,9 +2,8 @@
 
 use crate::design::Design;
 use crate::design::assessment::Assessment;
-use crate::design::checks::Verdict;
 use crate::drive::{DEFAULT_NAME, Drive};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::output::{print, write_file};
 use crate::report::{design, horizon};
 use crate::simulate::corridor::gains_source;
@@ -34,11 +33,8 @@ impl DesignCommand {
         let assessment = Assessment::new(&design)?;
         let name = self.drive.as_ref().and_then(|path| path.file_name());
         let origin = name.map_or(DEFAULT_NAME.into(), |name| name.to_string_lossy());
-        let refused = assessment
-            .checks
-            .iter()
-            .find(|check| check.verdict == Verdict::Refuse);
-        if let (Some(path), None) = (&self.rust, refused) {
+        let sound = assessment.require_sound();
+        if let (Some(path), true) = (&self.rust, sound.is_ok()) {
             write_file(path, gains_source(&design, &origin).as_bytes())?;
         }
         if let Some(path) = &self.plot {
@@ -50,7 +46,7 @@ impl DesignCommand {
             let mut text = format!("design for {origin}\n{}", design::tables(&design)?);
             text += &design::protection(&design);
             text += &design::assessment(&assessment);
-            if let (Some(path), None) = (&self.rust, refused) {
+            if let (Some(path), true) = (&self.rust, sound.is_ok()) {
                 text += &format!("gains written to {}\n", path.display());
             }
             if let Some(path) = &self.plot {
@@ -58,12 +54,6 @@ impl DesignCommand {
             }
             print(&text)?;
         }
-        match refused {
-            None => Ok(()),
-            Some(check) => Err(Error::Design(format!(
-                "the check {} refuses it ({:.4e}, limit {:.4e}): {}",
-                check.name, check.value, check.limit, check.advice
-            ))),
-        }
+        sound
     }
 }

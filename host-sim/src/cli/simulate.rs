@@ -1,12 +1,14 @@
 //! `host-sim simulate`: experiments in closed loop, the core beside feedback of the true state.
 
 use crate::design::Design;
+use crate::design::assessment::require_sound;
 use crate::drive::{DEFAULT_NAME, Drive, PlantFile};
 use crate::error::{Error, Result};
 use crate::output::{print, write_file};
 use crate::report::{csv::csv, design, experiments, plot::plot};
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{SCENARIOS, Scenario, of_the_paper};
+use crate::simulate::watch::watched;
 use crate::simulate::{Law, Run, simulate};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -56,18 +58,11 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 impl Simulate {
     pub(super) fn run(self) -> Result<()> {
         let drive = Drive::load(self.drive.as_deref())?;
-        let design = Design::new(&drive)?;
         let plant = match &self.plant {
             None => PlantFile::from(&drive),
             Some(path) => PlantFile::load(path)?,
         };
-        if plant.loads.len() != drive.loads.len() {
-            return Err(Error::Usage(format!(
-                "the plant has {} loads and the drive {}: they must have the same number",
-                plant.loads.len(),
-                drive.loads.len()
-            )));
-        }
+        plant.require_fit(&drive)?;
         if self.duration / drive.control.sample_time < 2.0 {
             return Err(Error::Usage(format!(
                 "--duration {}: must be two control periods of {} s at least",
@@ -88,12 +83,14 @@ impl Simulate {
                 .filter_map(|name| Scenario::named(name))
                 .collect()
         };
-        if self.csv {
-            let [scenario] = scenarios[..] else {
-                return Err(Error::Usage(
-                    "--csv prints one experiment: name it with --scenario".into(),
-                ));
-            };
+        if self.csv && scenarios.len() != 1 {
+            return Err(Error::Usage(
+                "--csv prints one experiment: name it with --scenario".into(),
+            ));
+        }
+        let design = Design::new(&drive)?;
+        require_sound(&design)?;
+        if let (true, [scenario]) = (self.csv, &scenarios[..]) {
             let run = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
             print(&String::from_utf8_lossy(&csv(&run)?))?;
             return require_no_fault([&run]);
@@ -102,8 +99,9 @@ impl Simulate {
         let mut runs: Vec<(Run, Metrics)> = Vec::new();
         let mut files = Vec::new();
         for scenario in scenarios {
-            let core = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
-            let bound = simulate(&design, &plant, scenario, Law::FullState, self.duration)?;
+            let of = |law| watched(&design, &plant, scenario, law, self.duration);
+            let ((core, metrics), (bound, metrics_of_bound)) =
+                (of(Law::Core)?, of(Law::FullState)?);
             for (name, content) in [
                 (
                     format!("{}.svg", scenario.name),
@@ -116,10 +114,7 @@ impl Simulate {
                 write_file(&path, &content)?;
                 files.push(path.display().to_string());
             }
-            for run in [core, bound] {
-                let metrics = Metrics::new(&run);
-                runs.push((run, metrics));
-            }
+            runs.extend([(core, metrics), (bound, metrics_of_bound)]);
         }
         if self.json {
             let json = experiments::json(&design, &runs, &files);

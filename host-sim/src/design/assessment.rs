@@ -1,9 +1,11 @@
 //! The assessment of a design: checks, margins and the gain over the time to go, together.
 
-use super::checks::{Check, Verdict, checks, closed_loop, peak_sensitivity};
+use super::checks::{
+    Check, OBSERVER_SPEED, Verdict, checks, closed_loop, of_margins, what_changes_its_speed,
+};
 use super::{Design, loop_margins};
 use crate::chain::hamiltonian;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::linear::eigen::{eigenvalues, separation};
 use crate::linear::margins::Margins;
 use nalgebra::{DMatrix, DVector};
@@ -21,8 +23,10 @@ pub struct Assessment {
     pub margins: Option<Margins>,
     /// Margins with feedback of the true state.
     pub margins_full_state: Margins,
-    /// Gain over the time to go, eq. (14).
+    /// Gain over the time to go, eq. (14); nothing where it cannot be computed.
     pub finite_horizon: Vec<HorizonGain>,
+    /// Why it cannot.
+    pub finite_horizon_failure: Option<String>,
 }
 
 /// Gain with a time to go.
@@ -46,20 +50,64 @@ impl Assessment {
     /// # Errors
     /// [`Error::Design`](crate::error::Error::Design) when something cannot be computed.
     pub fn new(design: &Design) -> Result<Self> {
-        let mut checks = checks(design)?;
-        let closed_loop = closed_loop(design)?;
-        let stable = closed_loop.verdict != Verdict::Refuse;
-        let margins = stable.then(|| loop_margins::of_drive(design)).transpose()?;
-        checks.push(closed_loop);
-        checks.extend(margins.as_ref().map(peak_sensitivity));
+        let (mut checks, margins) = judged(design)?;
+        let slow =
+            |check: &&mut Check| check.name == OBSERVER_SPEED && check.verdict != Verdict::Pass;
+        if let Some(check) = checks.iter_mut().find(slow) {
+            check.advice += &what_changes_its_speed(design)?;
+        }
+        let (finite_horizon, failure) = match convergence(design, &TIMES) {
+            Ok(gains) => (gains, None),
+            Err(Error::Design(why)) => (Vec::new(), Some(why)),
+            Err(other) => return Err(other),
+        };
         Ok(Self {
             distinct_eigenvalues: separation(&eigenvalues(&design.chain.a())?) > 1e-6,
             checks,
             margins,
             margins_full_state: loop_margins::of_full_state(design)?,
-            finite_horizon: convergence(design, &TIMES)?,
+            finite_horizon,
+            finite_horizon_failure: failure,
         })
     }
+
+    /// # Errors
+    /// As [`require_sound`].
+    pub fn require_sound(&self) -> Result<()> {
+        refusal(&self.checks)
+    }
+}
+
+/// The checks, those of the loop among them, and the margins of the drive's loop where it is stable.
+fn judged(design: &Design) -> Result<(Vec<Check>, Option<Margins>)> {
+    let mut checks = checks(design)?;
+    let closed_loop = closed_loop(design)?;
+    let stable = closed_loop.verdict != Verdict::Refuse;
+    let margins = stable.then(|| loop_margins::of_drive(design)).transpose()?;
+    checks.push(closed_loop);
+    checks.extend(margins.iter().flat_map(of_margins));
+    Ok((checks, margins))
+}
+
+/// Whether a design may be run at all.
+///
+/// # Errors
+/// [`Error::Design`] with the sentence of the first check that refuses it.
+pub fn require_sound(design: &Design) -> Result<()> {
+    refusal(&judged(design)?.0)
+}
+
+fn refusal(checks: &[Check]) -> Result<()> {
+    let Some(check) = checks.iter().find(|check| check.verdict == Verdict::Refuse) else {
+        return Ok(());
+    };
+    let figure = check.value.map_or(String::new(), |value| {
+        format!(" ({value:.4e}, limit {:.4e})", check.limit)
+    });
+    Err(Error::Design(format!(
+        "the check {} refuses it{figure}: {}",
+        check.name, check.advice
+    )))
 }
 
 /// Gain over the time to go with the drive file's terminal weight.
@@ -77,6 +125,10 @@ pub fn convergence(design: &Design, times: &[f64]) -> Result<Vec<HorizonGain>> {
     let weights = (&design.index.state_weights()[..], design.index.current);
     let mut gains = hamiltonian::gains(&design.chain, weights, &terminal, &times)?;
     let constant = gains.pop().unwrap_or_else(|| design.regulator.clone());
+    if constant.norm() == 0.0 {
+        let why = "the gain that K(t) tends to is zero";
+        return Err(Error::Design(why.into()));
+    }
     let horizon = times.iter().zip(gains).map(|(time, gain)| HorizonGain {
         time_to_go: *time,
         distance: (&gain - &constant).norm() / constant.norm(),

@@ -4,18 +4,27 @@
 //! margin than one would want; `refuse`: do not run this drive.
 
 mod conditions;
+mod encoder;
+mod friction;
+mod observer;
+mod stability;
 
 use super::Design;
-use super::drive_loop::DriveLoop;
 use super::paper;
 use crate::drive::SETTLING_BAND;
 use crate::error::Result;
 use crate::linear::eigen::spectral_radius;
-use crate::linear::margins::Margins;
-use arso_core::filter::{Difference, Lag};
+use arso_core::filter::Lag;
 use conditions::{distinct_eigenvalues, observability, riccati_residual};
-use nalgebra::{Complex, DMatrix, DVector, RowDVector};
+use encoder::{counts_per_period, encoder_noise};
+use friction::friction_share;
+use nalgebra::{DMatrix, DVector, RowDVector};
+use observer::{observer_samples, observer_speed};
 use serde::Serialize;
+
+pub use encoder::quarter_of_range;
+pub(super) use observer::{OBSERVER_SPEED, what_changes_its_speed};
+pub(super) use stability::{closed_loop, of_margins};
 
 /// How a check came out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -36,15 +45,41 @@ pub struct Check {
     pub name: &'static str,
     /// How it came out.
     pub verdict: Verdict,
-    /// The figure.
-    pub value: f64,
+    /// The figure; none when it cannot be computed, which the advice then says.
+    pub value: Option<f64>,
     /// Where `warn` begins.
     pub limit: f64,
     /// What the figure means, and what to change.
     pub advice: String,
 }
 
-/// All checks of a design but those of its loop, [`closed_loop`] and [`peak_sensitivity`].
+impl Check {
+    /// A check; what is no number is refused in words.
+    ///
+    /// * `value`, `limit`: the figure, and where `warn` begins
+    fn new(
+        name: &'static str,
+        verdict: Verdict,
+        (value, limit): (f64, f64),
+        advice: impl Into<String>,
+    ) -> Self {
+        let advice = advice.into();
+        let known = value.is_finite();
+        Self {
+            name,
+            verdict: if known { verdict } else { Verdict::Refuse },
+            value: known.then_some(value),
+            limit,
+            advice: if known {
+                advice
+            } else {
+                format!("cannot be computed, the drive file's numbers lie too far apart: {advice}")
+            },
+        }
+    }
+}
+
+/// All checks of a design but those of its loop, [`closed_loop`] and [`of_margins`].
 ///
 /// # Errors
 /// [`Error::Design`](crate::error::Error::Design) when an eigenvalue iteration does not converge.
@@ -57,6 +92,8 @@ pub(super) fn checks(design: &Design) -> Result<Vec<Check>> {
         observer_samples(design)?,
         observer_speed(design)?,
         encoder_noise(design),
+        counts_per_period(design)?,
+        friction_share(design),
         current_step(design),
         commissioning_brake(design)?,
     ])
@@ -78,85 +115,16 @@ fn samples_per_mode(design: &Design) -> Check {
     let fastest = design.modes().last().map_or(0.0, |mode| mode.frequency_hz);
     let value = 1.0 / (fastest * design.drive.control.sample_time);
     let limit = 10.0;
-    Check {
-        name: "samples_per_fastest_mode",
-        verdict: verdict(value, limit, 4.0),
-        value,
-        limit,
-        advice: format!(
+    Check::new(
+        "samples_per_fastest_mode",
+        verdict(value, limit, 4.0),
+        (value, limit),
+        format!(
             "the fastest mode has {fastest:.1} Hz: control.sample_time below {:.2e} s samples it ten \
              times per period",
             0.1 / fastest
         ),
-    }
-}
-
-/// How many times faster than the regulator's the slowest part of the estimation error decays, on the
-/// discrete poles: "at least twice faster than the control system".
-fn observer_speed(design: &Design) -> Result<Check> {
-    let slowest = |poles: Vec<Complex<f64>>| {
-        let norms = poles.iter().map(|pole| pole.norm());
-        // What eq. (17) cannot correct stays at one; the check of eigenvalues tells that.
-        -norms
-            .filter(|norm| *norm < 1.0 - 1e-6)
-            .fold(0.0, f64::max)
-            .ln()
-    };
-    let value = slowest(design.observer_poles()?) / slowest(design.regulator_poles()?);
-    let limit = design.drive.observer.speed;
-    Ok(Check {
-        name: "observer_speed",
-        verdict: verdict(value, limit * (1.0 - 1e-6), 0.1),
-        value,
-        limit,
-        advice: "the slowest part of the estimation error decays this many times as fast as the \
-                 regulator's slowest pole; a larger observer.load_force_ratio and \
-                 observer.disturbance_rate, or observer.design = \"poles\", make it faster, and the \
-                 margins smaller"
-            .into(),
-    })
-}
-
-/// Samples in which the fastest part of the estimation error decays by 1/e.
-fn observer_samples(design: &Design) -> Result<Check> {
-    let poles = design.observer_poles()?;
-    // Exact zeros are lags that the correction removes in one sample.
-    let fastest = poles
-        .iter()
-        .map(|pole| pole.norm())
-        .filter(|norm| *norm > 1e-9)
-        .fold(1.0, f64::min);
-    let value = -1.0 / f64::ln(fastest);
-    let limit = 0.7;
-    Ok(Check {
-        name: "observer_samples",
-        verdict: verdict(value, limit, 0.2),
-        value,
-        limit,
-        advice: "the observer settles its fastest part in this many samples; below one it follows \
-                 every count of noise: lower the cutoffs or shorten control.sample_time"
-            .into(),
-    })
-}
-
-/// Force noise of the reaction-force observer from the encoder's rounding, N rms, against the force
-/// of the motor.
-fn encoder_noise(design: &Design) -> Check {
-    let noise = force_noise(design);
-    let actuator = &design.drive.actuator;
-    let limit = 0.02 * actuator.actual_force_constant() * actuator.current_limit;
-    Check {
-        name: "encoder_force_noise",
-        // The smaller the better.
-        verdict: verdict(limit / noise, 1.0, 0.1),
-        value: noise,
-        limit,
-        advice: format!(
-            "{} rms of reaction force from encoder rounding; above 2 % of the motor's force \
-                 lower both cutoffs or use a finer encoder",
-            design.drive.kind.units().force
-        ),
-    }
+    )
 }
 
 /// How far from its target the feedback lets the load stand, because half a step of the current output
@@ -168,20 +136,19 @@ fn current_step(design: &Design) -> Check {
     let step = paper::STEP;
     let limit = 0.5 * SETTLING_BAND * step;
     let units = design.drive.kind.units();
-    Check {
-        name: "current_step",
+    Check::new(
+        "current_step",
         // The smaller the better.
-        verdict: verdict(limit / value, 1.0, 0.0),
-        value,
-        limit,
-        advice: format!(
+        verdict(limit / value, 1.0, 0.0),
+        (value, limit),
+        format!(
             "{} from the target at which the current rounds to none, against the band of a step of {} {}: a \
              finer actuator.current_resolution or a smaller cost.current",
             units.position,
             1e3 * step,
             units.milli_position
         ),
-    }
+    )
 }
 
 /// Transition of the loop closed around actuator and encoder alone: position and filtered velocity of
@@ -229,88 +196,14 @@ fn commissioning_brake(design: &Design) -> Result<Check> {
     } else {
         Verdict::Refuse
     };
-    Ok(Check {
-        name: "commissioning_brake",
+    Ok(Check::new(
+        "commissioning_brake",
         verdict,
-        value,
-        limit,
-        advice:
-            "largest pole of the loop that brakes the actuator after its signs are proven; from 1 \
+        (value, limit),
+        "largest pole of the loop that brakes the actuator after its signs are proven; from 1 \
                  on it does not brake: smaller cost.position and cost.velocity against \
-                 cost.current, a shorter control.sample_time or a higher disturbance_cutoff"
-                .into(),
-    })
-}
-
-/// Largest pole of the drive's own loop, plant, force observers, state observer and gain together.
-///
-/// # Errors
-/// [`Error::Design`](crate::error::Error::Design) when the eigenvalue iteration does not converge.
-pub(super) fn closed_loop(design: &Design) -> Result<Check> {
-    let closed = DriveLoop::new(design).closed(&design.ad, &design.bd);
-    let value = spectral_radius(&closed)?;
-    // Of eq. (17) alone the rigid motion stays in the estimate, a double one that rounding splits.
-    let limit = if design.observer_variant().rigid_motion() {
-        1.0 + 1e-4
-    } else {
-        1.0
-    };
-    Ok(Check {
-        name: "closed_loop",
-        verdict: if value < limit {
-            Verdict::Pass
-        } else {
-            Verdict::Refuse
-        },
-        value,
-        limit,
-        advice:
-            "largest pole of the drive's own loop, with its observers; from 1 on it is not stable: \
-                 higher control.disturbance_cutoff and control.reaction_force_cutoff, a larger \
-                 cost.current or a shorter control.sample_time"
-                .into(),
-    })
-}
-
-/// How far the loop stays from the brink over all frequencies.
-pub(super) fn peak_sensitivity(margins: &Margins) -> Check {
-    let (value, limit) = (margins.peak_sensitivity, 2.0);
-    Check {
-        name: "peak_sensitivity",
-        // The smaller the better.
-        verdict: verdict(limit / value, 1.0, 0.2),
-        value,
-        limit,
-        advice: format!(
-            "at {:.1} Hz the loop makes a disturbance this many times larger; below 2 the margins are \
-             6 dB and 29 degrees at least: higher cutoffs, a larger cost.current, or a slower observer",
-            margins.peak_sensitivity_hz
-        ),
-    }
-}
-
-/// Rounding is as good as noise, uniform over one count and different in each sample; the variance
-/// behind the filter is the sum of its squared impulse response.
-fn force_noise(design: &Design) -> f64 {
-    let (actuator, control) = (&design.drive.actuator, &design.drive.control);
-    let period = control.sample_time;
-    let difference = Difference::new(period);
-    let once = Lag::new(control.disturbance_cutoff, period);
-    let twice = Lag::new(control.reaction_force_cutoff, period);
-    let (mut position, mut velocity, mut filtered, mut acceleration) = (0.0, 0.0, 0.0, 0.0);
-    let mut sum = 0.0;
-    for k in 0..100_000 {
-        let impulse = if k == 0 { 1.0 } else { 0.0 };
-        let mean = difference.step(&mut position, impulse);
-        let through = once.step(&mut velocity, mean);
-        let change = difference.step(&mut filtered, through);
-        twice.step(&mut acceleration, change);
-        sum += acceleration * acceleration;
-        if k > 10 && velocity.abs() < 1e-12 / period && acceleration.abs() < 1e-12 / period {
-            break;
-        }
-    }
-    actuator.mass * f64::sqrt(sum) * design.drive.encoder.resolution / f64::sqrt(12.0)
+                 cost.current, a shorter control.sample_time or a higher disturbance_cutoff",
+    ))
 }
 
 #[cfg(test)]

@@ -10,15 +10,13 @@ use crate::error::Result;
 use toml::Spanned;
 
 impl Document<'_> {
+    pub(super) fn sample_time(&self, value: &Number) -> Result<f64> {
+        let ok = (1e-6..=1.0).contains(value.get_ref());
+        self.checked("control.sample_time", value, ok, "from 1e-6 to 1 s")
+    }
+
     pub(super) fn control(&self, raw: &RawControl) -> Result<Control> {
-        let value = *raw.sample_time.get_ref();
-        let ok = (1e-6..=1.0).contains(&value);
-        let sample_time = self.checked(
-            "control.sample_time",
-            &raw.sample_time,
-            ok,
-            "from 1e-6 to 1 s",
-        )?;
+        let sample_time = self.sample_time(&raw.sample_time)?;
         let nyquist = std::f64::consts::PI / sample_time;
         let cutoff = |key: &str, value: &Number| {
             let ok = (SMALLEST..nyquist).contains(value.get_ref());

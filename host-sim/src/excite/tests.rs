@@ -97,6 +97,8 @@ fn every_drive_has_an_excitation() {
         drive.control.sample_time = sample_time;
         drive.actuator.current_limit = limit;
         drive.actuator.current_resolution = resolution;
+        // One that can follow what so much current does.
+        drive.encoder.resolution *= f64::max(1.0, limit / 2.0);
         for signal in [Signal::Multisine, Signal::Chirp] {
             let request = ExcitationRequest {
                 signal,

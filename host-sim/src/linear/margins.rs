@@ -41,6 +41,8 @@ impl Margins {
     /// # Errors
     /// [`NoSolution`] when the response cannot be computed.
     pub fn new(response: impl Fn(f64) -> Option<C>, nyquist: f64, slowest: f64) -> Result<Self> {
+        // What is no number is nowhere near the brink, and would hide one.
+        let response = |omega: f64| response(omega).filter(|l| l.is_finite());
         let failed = || NoSolution("the loop's frequency response cannot be computed".into());
         let mut margins = Self {
             gain_margin_db: None,

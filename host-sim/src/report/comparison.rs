@@ -1,5 +1,6 @@
 //! The drive beside its rivals: a table of all laws on all plants, what they were tuned to, and JSON.
 
+use super::settled::settled;
 use crate::chain::controlled_mass;
 use crate::compare::{Outcome, Row, Tuning, duration};
 use crate::design::Design;
@@ -24,12 +25,12 @@ pub fn text(design: &Design, rows: &[Row]) -> String {
         units.milli_position,
         duration(design),
         units.micro_position,
-        table(rows, mass),
+        table(rows, mass, units),
         tunings(rows, units),
     )
 }
 
-fn table(rows: &[Row], mass: usize) -> Table {
+fn table(rows: &[Row], mass: usize, units: &Units) -> Table {
     let mut table = Table::new();
     table.load_style(presets::ASCII_MARKDOWN);
     let cases = rows.first().into_iter().flat_map(|row| &row.outcomes);
@@ -37,27 +38,30 @@ fn table(rows: &[Row], mass: usize) -> Table {
         std::iter::once("law".to_owned()).chain(cases.map(|outcome| outcome.case.clone())),
     );
     for row in rows {
-        let cells = row.outcomes.iter().map(|outcome| cell(outcome, mass));
+        let cells = row
+            .outcomes
+            .iter()
+            .map(|outcome| cell(outcome, mass, units));
         table.add_row(std::iter::once(row.law.to_owned()).chain(cells));
     }
     table
 }
 
-fn cell(outcome: &Outcome, mass: usize) -> String {
+fn cell(outcome: &Outcome, mass: usize, units: &Units) -> String {
     let Some(metrics) = &outcome.metrics else {
         return "failed".into();
     };
-    if let Some(fault) = metrics.fault {
-        return format!("fault {fault}");
+    let shown = settled(metrics, units);
+    if metrics.fault.is_some() {
+        return shown;
     }
-    let Some(settled) = metrics.settling_time else {
-        return format!("not settled / {:.1}", metrics.overshoot);
-    };
+    if metrics.settling_time.is_none() {
+        return format!("{shown} / {:.1}", metrics.overshoot);
+    }
     let residual = metrics.residual_vibration.as_ref();
     let residual = residual.and_then(|masses| masses.get(mass));
     format!(
-        "{:.0} / {:.1} / {}",
-        1e3 * settled,
+        "{shown} / {:.1} / {}",
         metrics.overshoot,
         residual.map_or("-".into(), |x| format!("{:.0}", 1e6 * x))
     )

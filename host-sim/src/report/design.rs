@@ -3,7 +3,7 @@
 use super::table::{right, table};
 use crate::design::Design;
 use crate::design::assessment::Assessment;
-use crate::design::checks::Verdict;
+use crate::design::checks::{Check, Verdict};
 use crate::design::protection::Protection;
 use crate::error::Result;
 use crate::output::significant;
@@ -125,13 +125,18 @@ pub fn assessment(assessment: &Assessment) -> String {
         checks.add_row([
             Cell::new(check.name),
             Cell::new(verdict),
-            right(format!("{:.4e}", check.value)),
+            right(
+                check
+                    .value
+                    .map_or("-".into(), |value| format!("{value:.4e}")),
+            ),
             right(format!("{:.4e}", check.limit)),
         ]);
     }
     // Writing to a string cannot fail.
     let _ = writeln!(text, "{checks}");
-    for check in &assessment.checks {
+    let open = |check: &&Check| check.verdict != Verdict::Pass;
+    for check in assessment.checks.iter().filter(open) {
         let _ = writeln!(text, "{}: {}", check.name, check.advice);
     }
 
@@ -177,7 +182,14 @@ pub fn assessment(assessment: &Assessment) -> String {
             right(format!("{:.2e}", gain.distance)),
         ]);
     }
-    let _ = writeln!(text, "{horizon}");
+    match &assessment.finite_horizon_failure {
+        None => {
+            let _ = writeln!(text, "{horizon}");
+        }
+        Some(why) => {
+            let _ = writeln!(text, "K(t), eq. (14), cannot be computed: {why}");
+        }
+    }
     text
 }
 
@@ -217,5 +229,6 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
         "margins": assessment.margins,
         "margins_full_state": assessment.margins_full_state,
         "finite_horizon": assessment.finite_horizon,
+        "finite_horizon_failure": assessment.finite_horizon_failure,
     }))
 }

@@ -1,9 +1,11 @@
 //! Experiments in closed loop, as a table and JSON.
 
+use super::settled::settled;
 use super::table::{right, table};
 use crate::chain::controlled_mass;
 use crate::design::Design;
 use crate::simulate::metrics::Metrics;
+use crate::simulate::watch::WATCHED;
 use crate::simulate::{Law, Run};
 use comfy_table::Cell;
 use serde_json::json;
@@ -22,9 +24,12 @@ pub fn law_name(law: Law, design: &Design) -> &'static str {
 #[must_use]
 pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
     let mass = controlled_mass(design.loads());
-    let micro = design.drive.kind.units().micro_position;
+    let units = design.drive.kind.units();
+    let micro = units.micro_position;
     let settling = format!("settling mass {mass} [ms]");
     let residual = format!("residual [{micro} p-p]");
+    let offset = format!("off at the end [{micro}]");
+    let motion = format!("still moving [{micro} p-p]");
     let error = format!("estimate error [{micro} rms]");
     let mut table = table(&[
         "experiment",
@@ -32,6 +37,8 @@ pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
         &settling,
         "overshoot [%]",
         &residual,
+        &offset,
+        &motion,
         "peak [A]",
         &error,
     ]);
@@ -43,31 +50,35 @@ pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
         let list = list.collect::<Vec<_>>().join("  ");
         if list.is_empty() { "-".into() } else { list }
     };
+    let both = |values: [f64; 2]| micrometres(&Some(values.to_vec()));
     for (run, metrics) in runs {
-        let settling = match (metrics.fault, metrics.settling_time) {
-            (Some(fault), _) => format!("fault {fault}"),
-            (None, Some(time)) => format!("{:.0}", time * 1e3),
-            (None, None) => "not settled".into(),
-        };
         table.add_row([
             Cell::new(run.scenario.name),
             Cell::new(law_name(run.law, design)),
-            right(settling),
+            right(settled(metrics, units)),
             right(format!("{:.1}", metrics.overshoot)),
             right(micrometres(&metrics.residual_vibration)),
+            right(both(metrics.end.offset)),
+            right(both(metrics.end.motion)),
             right(format!("{:.2}", metrics.peak_current)),
             right(micrometres(&metrics.estimation_error)),
         ]);
     }
+    let still = runs
+        .first()
+        .map_or(0.0, |(_, metrics)| metrics.end.tolerance);
     let titles = runs
         .iter()
         .filter(|(run, _)| run.law == Law::Core)
         .map(|(run, _)| format!("{}: {}\n", run.scenario.name, run.scenario.title(run.kind)));
     format!(
         "{}\n{table}\n\
-         Settling: within 2 % of the motion for good. Residual vibration: from 0.5 s on. Lists: \
-         actuator first.\n",
-        titles.collect::<String>()
+         Settling: within 2 % of the motion for good, and at rest at the end. Residual vibration: from 0.5 s on. \
+         Off at the end: in the last fifth of the run (0.2 s at least). Still moving: in the last fifth of the \
+         run and {WATCHED} s more, up to {:.0} {micro} is rest. Lists: actuator first, then loads, or mass {mass} \
+         alone.\n",
+        titles.collect::<String>(),
+        1e6 * still
     )
 }
 

@@ -1,6 +1,7 @@
 //! What a run is judged by.
 
 use super::corridor::estimate;
+use super::ending::{Ending, Motion};
 use crate::chain::controlled_mass;
 use crate::drive::SETTLING_BAND;
 use crate::simulate::Run;
@@ -17,8 +18,12 @@ pub const RESIDUAL_FROM: f64 = 0.5;
 #[derive(Clone, Debug, Serialize)]
 pub struct Metrics {
     /// Time after which the controlled mass stays within 2 % of the span, s; none when it does
-    /// not settle within the run.
+    /// not settle within the run, or when it or the actuator still moves at its end.
     pub settling_time: Option<f64>,
+    /// The same whatever moves at the end, s.
+    pub within_band_from: Option<f64>,
+    /// Where actuator and controlled mass are at the end, and how they move there.
+    pub end: Ending,
     /// Farthest excursion of the controlled mass beyond the target, % of the span.
     pub overshoot: f64,
     /// Peak-to-peak motion of each mass after settling, actuator first, m.
@@ -34,6 +39,11 @@ pub struct Metrics {
     pub fault: Option<u8>,
     /// When it did, s.
     pub fault_time: Option<f64>,
+}
+
+/// Element of the state that is the controlled mass's position.
+pub(super) fn controlled(run: &Run) -> usize {
+    motion(run).0
 }
 
 /// Column of the controlled mass's position, its target and the span of its motion, m.
@@ -79,12 +89,13 @@ impl Metrics {
         let samples = &run.samples;
         let masses = samples.first().map_or(0, |sample| sample.truth.len() / 2);
         let (controlled, target, span) = motion(run);
-        let settling_time = settling_time(run, SETTLING_BAND);
+        let within_band_from = settling_time(run, SETTLING_BAND);
+        let end = Ending::new(run, controlled);
         let beyond = samples
             .iter()
             .map(|s| (s.truth[controlled] - target) / span);
 
-        let window = settling_time.map(|settled| {
+        let window = within_band_from.map(|settled| {
             let from = settled.max(RESIDUAL_FROM);
             &samples[samples.partition_point(|sample| sample.time < from)..]
         });
@@ -107,7 +118,9 @@ impl Metrics {
         let observed = samples.iter().any(|sample| sample.record.is_some());
         let elements = (0..masses).map(|mass| 2 * mass);
         Self {
-            settling_time,
+            settling_time: within_band_from,
+            within_band_from,
+            end: end.clone(),
             overshoot: 100.0 * beyond.fold(0.0, f64::max),
             residual_vibration: window.map(|_| elements.clone().map(peak_to_peak).collect()),
             offset: window.map(|window| {
@@ -118,6 +131,22 @@ impl Metrics {
             estimation_error: observed.then(|| elements.map(rms).collect()),
             fault: run.fault.map(|(_, fault)| fault.number()),
             fault_time: run.fault.map(|(time, _)| time),
+        }
+        .with_end(&end)
+    }
+
+    /// The same run whose motion at the end is known better: settled is what is also at rest there. Where it
+    /// stands at the end of the experiment stays what it was.
+    #[must_use]
+    pub(super) fn with_end(self, end: &Ending) -> Self {
+        let rests = end.state == Motion::Rest;
+        Self {
+            settling_time: self.within_band_from.filter(|_| rests),
+            end: Ending {
+                offset: self.end.offset,
+                ..end.clone()
+            },
+            ..self
         }
     }
 }
@@ -152,6 +181,7 @@ mod tests {
         });
         let run = Run {
             kind: crate::machine::Kind::Linear,
+            resolution: 1e-6,
             scenario: *Scenario::named("fig3").unwrap(),
             law: Law::FullState,
             samples: samples.collect(),

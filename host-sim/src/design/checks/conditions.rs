@@ -10,16 +10,14 @@ use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 /// Whether the gain solves its Riccati equation.
 pub(super) fn riccati_residual(design: &Design) -> Check {
     let (value, limit) = (design.riccati_residual, 1e-9);
-    Check {
-        name: "riccati_residual",
+    Check::new(
+        "riccati_residual",
         // The smaller the better.
-        verdict: verdict(limit / value, 1.0, 1e-3),
-        value,
-        limit,
-        advice: "residual of the regulator's Riccati equation relative to its solution; weights \
-                 that lie fewer decades apart make it smaller"
-            .into(),
-    }
+        verdict(limit / value, 1.0, 1e-3),
+        (value, limit),
+        "residual of the regulator's Riccati equation relative to its solution; weights \
+                 that lie fewer decades apart make it smaller",
+    )
 }
 
 /// The condition of section III, on the matrix that the chosen observer is built on.
@@ -33,13 +31,12 @@ pub(super) fn distinct_eigenvalues(design: &Design) -> Result<Check> {
     } else {
         verdict(value, limit, 1e-12)
     };
-    Ok(Check {
-        name: "distinct_eigenvalues",
+    Ok(Check::new(
+        "distinct_eigenvalues",
         verdict,
-        value,
-        limit,
-        advice: advice.into(),
-    })
+        (value, limit),
+        advice,
+    ))
 }
 
 /// Popov-Belevitch-Hautus test: smallest singular value of `[λ − A; c]` over the eigenvalues of the
@@ -84,14 +81,13 @@ pub(super) fn observability(design: &Design) -> Result<Check> {
     } else {
         ""
     };
-    Ok(Check {
-        name: "observability",
-        verdict: verdict(value, limit, 1e-9),
-        value,
-        limit,
-        advice: format!(
+    Ok(Check::new(
+        "observability",
+        verdict(value, limit, 1e-9),
+        (value, limit),
+        format!(
             "the motion at {hz:.2} Hz is the hardest to see in the reaction force{rigid}; a stiffer \
              first spring or a less weakly coupled load shows more of it"
         ),
-    })
+    ))
 }

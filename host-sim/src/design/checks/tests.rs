@@ -1,8 +1,10 @@
 //! What the checks say, held against what happens.
 
+use super::encoder::force_noise;
 use super::*;
 use crate::design::assessment::Assessment;
 use crate::drive::{Drive, Observer};
+use crate::linear::margins::Margins;
 
 fn design(change: impl FnOnce(&mut Drive)) -> Design {
     let mut drive = Drive::default_drive();
@@ -105,5 +107,103 @@ fn bad_drives_are_found() {
     });
     let check = named(&hidden, "observability");
     assert_ne!(check.verdict, Verdict::Pass, "{check:?}");
-    assert!(check.value < 0.1 * named(&design(|_| ()), "observability").value);
+    let shown = named(&design(|_| ()), "observability").value;
+    assert!(check.value.unwrap() < 0.1 * shown.unwrap());
+}
+
+/// What the check says of friction is what start-up does on a plant that has it.
+#[test]
+fn the_friction_check_foretells_commissioning() {
+    use crate::drive::PlantFile;
+    use crate::simulate::commission;
+    use crate::simulate::corridor::corridor;
+    for (share, moves) in [(0.3, true), (0.45, true), (0.51, false), (1.1, false)] {
+        let design = design(|drive| drive.friction.coulomb = share * 6.43 * 2.0);
+        let check = named(&design, "friction_share");
+        assert_eq!(check.verdict < Verdict::Refuse, moves, "{check:?}");
+        let plant = PlantFile::from(&design.drive);
+        let mut core = corridor(&design, None).unwrap();
+        let commissioned = commission(core.as_mut(), &plant, 1e-3);
+        assert_eq!(commissioned.is_ok(), moves, "{share}: {commissioned:?}");
+    }
+}
+
+/// What the check says of the counter is what the core does in the step.
+#[test]
+fn the_counter_check_foretells_the_jump() {
+    use crate::drive::PlantFile;
+    use crate::simulate::scenario::Scenario;
+    use crate::simulate::{Law, simulate};
+    let with = |resolution: f64| {
+        design(|drive| {
+            drive.encoder.resolution = resolution;
+            // So slow that the step alone counts.
+            drive.motion.as_mut().unwrap().velocity = 1e-3;
+        })
+    };
+    // The resolution at which the step takes a quarter of the range, from a figure that does not matter.
+    let value = named(&with(1e-6), "counts_per_period").value.unwrap();
+    let brink = 1e-6 * value / quarter_of_range(16);
+    // The drive with its observers is some per cent faster than the true state fed back.
+    for (factor, counted) in [(1.5, true), (0.9, false)] {
+        let design = with(brink * factor);
+        let check = named(&design, "counts_per_period");
+        assert_eq!(check.verdict < Verdict::Refuse, counted, "{check:?}");
+        let plant = PlantFile::from(&design.drive);
+        let scenario = Scenario::named("fig3").unwrap();
+        let run = simulate(&design, &plant, scenario, Law::Core, 0.2).unwrap();
+        assert_eq!(run.fault.is_none(), counted, "{factor}: {:?}", run.fault);
+    }
+}
+
+/// A move's fastest is what the core's own planner makes of it, in each of its shapes.
+#[test]
+fn the_fastest_of_a_move_is_that_of_its_plan() {
+    use arso_core::Position;
+    use arso_core::moves::rigid::{Memory, RigidMoves};
+    for (velocity, acceleration) in [(0.1, 10.0), (5.0, 2.0), (5.0, 100.0)] {
+        let design = design(|drive| {
+            let motion = drive.motion.as_mut().unwrap();
+            (motion.velocity, motion.acceleration) = (velocity, acceleration);
+        });
+        let moves = RigidMoves::new(design.motion_limits(), 6.43, 1e-3);
+        let mut reference = Memory::default();
+        moves.move_to(&mut reference, Position(paper::STEP as f32));
+        let velocities = (0..2000).map(|_| moves.step::<1>(&mut reference).velocity.0);
+        let fastest = f64::from(velocities.fold(0.0, f32::max));
+        let expected = encoder::move_speed(&design);
+        assert!(
+            (fastest / expected - 1.0).abs() < 0.02,
+            "{fastest} {expected}"
+        );
+    }
+}
+
+/// Little margin is a warning, none to speak of a refusal.
+#[test]
+fn poor_margins_are_refused() {
+    use Verdict::{Pass, Refuse, Warn};
+    let margins = |peak_sensitivity, phase_margin_deg| Margins {
+        gain_margin_db: None,
+        gain_reduction_db: None,
+        phase_margin_deg,
+        delay_margin: None,
+        peak_sensitivity,
+        peak_sensitivity_hz: 10.0,
+    };
+    let verdicts = |margins: &Margins| -> Vec<Verdict> {
+        of_margins(margins).map(|check| check.verdict).collect()
+    };
+    assert_eq!(verdicts(&margins(1.8, Some(42.0))), [Pass, Pass]);
+    assert_eq!(verdicts(&margins(2.9, Some(20.4))), [Warn, Warn]);
+    assert_eq!(verdicts(&margins(9.0, Some(14.0))), [Refuse, Refuse]);
+    assert_eq!(verdicts(&margins(1.5, None)), [Pass]);
+    // What is no number is refused, and in words.
+    let check = of_margins(&margins(f64::INFINITY, None)).next().unwrap();
+    assert_eq!((check.verdict, check.value), (Refuse, None));
+    assert!(
+        check.advice.starts_with("cannot be computed"),
+        "{}",
+        check.advice
+    );
 }

@@ -1,0 +1,84 @@
+//! The drive's own loop: whether it is stable, and how far from the brink.
+
+use super::{Check, Design, Verdict, verdict};
+use crate::design::drive_loop::DriveLoop;
+use crate::error::Result;
+use crate::linear::eigen::spectral_radius;
+use crate::linear::margins::Margins;
+
+/// Largest pole of the drive's own loop, plant, force observers, state observer and gain together.
+///
+/// # Errors
+/// [`Error::Design`](crate::error::Error::Design) when the eigenvalue iteration does not converge.
+pub(in crate::design) fn closed_loop(design: &Design) -> Result<Check> {
+    let closed = DriveLoop::new(design).closed(&design.ad, &design.bd);
+    let value = spectral_radius(&closed)?;
+    // Of eq. (17) alone the rigid motion stays in the estimate, a double one that rounding splits.
+    let limit = if design.observer_variant().rigid_motion() {
+        1.0 + 1e-4
+    } else {
+        1.0
+    };
+    Ok(Check::new(
+        "closed_loop",
+        if value < limit {
+            Verdict::Pass
+        } else {
+            Verdict::Refuse
+        },
+        (value, limit),
+        "largest pole of the drive's own loop, with its observers; from 1 on it is not stable: \
+         higher control.disturbance_cutoff and control.reaction_force_cutoff, a larger \
+         cost.current or a shorter control.sample_time",
+    ))
+}
+
+/// Where a peak of the sensitivity is a warning, and where the drive is refused: with 4 a quarter of the
+/// loop's gain missing in one place or another brings it to the brink, and springs, loads and force
+/// constants are known no better than that.
+const PEAK: f64 = 2.0;
+const WORST_PEAK: f64 = 4.0;
+/// The same for the phase margin, degrees: 30 is what a peak of 2 leaves, below 20 a lag of one sample or
+/// a spring that is a third softer may take all of it.
+const PHASE: f64 = 30.0;
+const WORST_PHASE: f64 = 20.0;
+
+/// How far the loop stays from the brink over all frequencies.
+fn peak_sensitivity(margins: &Margins) -> Check {
+    let value = margins.peak_sensitivity;
+    Check::new(
+        "peak_sensitivity",
+        // The smaller the better.
+        verdict(1.0 / value, 1.0 / PEAK, 1.0 / WORST_PEAK),
+        (value, PEAK),
+        format!(
+            "at {:.1} Hz the loop makes a disturbance this many times larger; below {PEAK} the margins are \
+             6 dB and 29 degrees at least, above {WORST_PEAK} they are no more than a machine differs from \
+             its description, and it is refused: higher cutoffs, a larger cost.current, or other observer \
+             settings",
+            margins.peak_sensitivity_hz
+        ),
+    )
+}
+
+/// How much phase the loop may lose where its gain is one.
+fn phase_margin(margins: &Margins) -> Option<Check> {
+    let value = margins.phase_margin_deg?;
+    Some(Check::new(
+        "phase_margin",
+        verdict(value, PHASE, WORST_PHASE),
+        (value, PHASE),
+        format!(
+            "degrees that the loop may lose where its gain is one; below {WORST_PHASE} a little more delay or \
+             a softer spring takes all of them, and it is refused: higher cutoffs, a larger cost.current or \
+             a shorter control.sample_time"
+        ),
+    ))
+}
+
+/// The checks of a stable loop's margins.
+pub(in crate::design) fn of_margins(margins: &Margins) -> impl Iterator<Item = Check> {
+    [Some(peak_sensitivity(margins)), phase_margin(margins)]
+        .into_iter()
+        .flatten()
+}
