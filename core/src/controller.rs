@@ -57,6 +57,8 @@ pub struct Controller<const N: usize, O: StateObserver<N>> {
     excitation: Option<Excitation>,
     encoder: encoder::Memory,
     activity: Activity<N, O>,
+    /// By which friction held the actuator when the signs were proven, N.
+    stiction: Option<f32>,
     telemetry: Telemetry<[f32; N]>,
 }
 
@@ -109,7 +111,12 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
                 moves: RigidMoves::new(*motion, force_constant, period),
                 regulator: *regulator,
                 limits: *limits,
-                direction_check: DirectionCheck::new(limits, encoder.resolution, period),
+                direction_check: DirectionCheck::new(
+                    limits,
+                    encoder.resolution,
+                    (force_constant, motion.total_mass),
+                    period,
+                ),
                 rest: Rest::new(encoder.resolution, period),
                 sample_time: period,
                 current_per_force: 1.0 / force_constant,
@@ -117,6 +124,7 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             excitation: None,
             encoder: encoder::Memory::default(),
             activity: Activity::Idle,
+            stiction: None,
             telemetry: Telemetry::default(),
         })
     }
@@ -201,10 +209,16 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             Ok(())
         };
         let result = watched.and_then(|()| match &mut self.activity {
-            Activity::Running(running) => {
-                parts.run(running, measurement.current, &reading, telemetry)
+            Activity::Running(running) => parts.run(
+                running,
+                measurement.current,
+                &reading,
+                telemetry,
+                self.stiction,
+            ),
+            Activity::Commissioning(memory) => {
+                parts.commission(memory, &reading, &mut self.stiction)
             }
-            Activity::Commissioning(memory) => parts.commission(memory, &reading),
             Activity::Exciting(memory) => parts.excite(memory, &reading),
             Activity::Ready(rest) => {
                 parts.rest.may_start(rest, reading.position);
@@ -240,7 +254,12 @@ type Outcome = Result<Option<Command>, Trip>;
 
 impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
     /// Commissioning: open loop until the signs are proven, closed from then on.
-    fn commission(&self, memory: &mut Commissioning, reading: &Reading) -> Outcome {
+    fn commission(
+        &self,
+        memory: &mut Commissioning,
+        reading: &Reading,
+        stiction: &mut Option<f32>,
+    ) -> Outcome {
         let check = &self.direction_check;
         match check.step(&mut memory.direction_check, reading.position)? {
             Action::Wait => Ok(Some(Command::default())),
@@ -249,7 +268,10 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
                 let velocity = memory.velocity(&self.disturbance, reading);
                 self.limited(self.regulator.brake(reading.position, velocity, origin))
             }
-            Action::Done => Ok(None),
+            Action::Done => {
+                *stiction = check.stiction(&memory.direction_check);
+                Ok(None)
+            }
         }
     }
 
@@ -279,6 +301,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         current: Current,
         reading: &Reading,
         telemetry: &mut Telemetry<[f32; N]>,
+        stiction: Option<f32>,
     ) -> Outcome {
         // Never from motion: rest is proven first.
         if let Start::WaitingForRest(rest, periods) = &mut running.start {
@@ -295,7 +318,12 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
             Some(memory) => (memory, reading.displacement, current),
             // What was before the start is not the observers' to know.
             none => (
-                none.insert(Loop::at_rest(&self.observer, &self.moves, reading.position)),
+                none.insert(Loop::at_rest(
+                    &self.observer,
+                    &self.moves,
+                    reading.position,
+                    self.protection.begin(stiction),
+                )),
                 0.0,
                 Current(0.0),
             ),

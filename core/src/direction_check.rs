@@ -20,6 +20,8 @@ use crate::units::{Current, Position};
 
 /// Counts that prove a direction.
 const COUNTS: f32 = 50.0;
+/// Counts by which the actuator is seen to move at all.
+const SEEN_COUNTS: f32 = 3.0;
 /// How long to wait for that, before and after the ramp, s.
 pub(crate) const PATIENCE: f32 = 2.0;
 /// How long the current rises, s, and to which share of its limit.
@@ -46,6 +48,9 @@ pub struct DirectionCheck {
     resolution: f32,
     largest_current: f32,
     rest: Rest,
+    /// N/A, kg
+    force_constant: f32,
+    total_mass: f32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,19 +70,42 @@ pub struct Memory {
     rest: rest::Memory,
     /// Where the actuator was when the current began to rise.
     origin: Option<f32>,
+    /// Current at which it was first seen to move.
+    breakaway: Option<f32>,
 }
 
 impl DirectionCheck {
     /// * `resolution`: m per count
+    /// * `force_constant`: N/A; `total_mass`: of actuator and loads, kg
     /// * `sample_time`: s
     #[must_use]
-    pub fn new(limits: &Limits, resolution: f32, sample_time: f32) -> Self {
+    pub fn new(
+        limits: &Limits,
+        resolution: f32,
+        (force_constant, total_mass): (f32, f32),
+        sample_time: f32,
+    ) -> Self {
         Self {
             sample_time,
             resolution,
             largest_current: RAMP_SHARE * limits.current_limit,
             rest: Rest::new(resolution, sample_time),
+            force_constant,
+            total_mass,
         }
+    }
+
+    /// Force by which friction held the actuator still, as far as the ramp has shown it, N: the motor's force
+    /// when it was first seen to move, less what a machine without friction has when it is.
+    ///
+    /// A force that rises at `F'` moves a mass `M` by `F' t³ / 6 M`.
+    #[must_use]
+    pub fn stiction(&self, memory: &Memory) -> Option<f32> {
+        let rate = self.force_constant * self.largest_current / RAMP_TIME;
+        let time = libm::cbrtf(6.0 * self.total_mass * SEEN_COUNTS * self.resolution / rate);
+        let breakaway = self.force_constant * memory.breakaway?;
+        // One period, because it is seen in whole ones.
+        Some((breakaway - rate * (time + self.sample_time)).max(0.0))
     }
 
     /// What proves that the encoder moves, m.
@@ -100,13 +128,19 @@ impl DirectionCheck {
         } else {
             self.rest.within(&mut memory.rest, position, COUNTS)
         };
+        let breakaway = memory.breakaway;
         let next = |phase, origin| Memory {
             phase,
             origin: Some(origin),
             rest: rest::Memory::at(position),
+            breakaway,
             ..Memory::default()
         };
 
+        let rising = self.largest_current * time / RAMP_TIME;
+        if memory.phase == Phase::Ramp && memory.breakaway.is_none() && moved.abs() >= SEEN_COUNTS {
+            memory.breakaway = Some(rising);
+        }
         match memory.phase {
             Phase::Rest if rested => {
                 *memory = next(Phase::Ramp, position.0);
@@ -125,9 +159,7 @@ impl DirectionCheck {
             }
             Phase::Ramp if moved <= -COUNTS => Err(Fault::Direction),
             Phase::Ramp if time > RAMP_TIME => Err(Fault::NoMotion),
-            Phase::Ramp => Ok(Action::Push(Current(
-                self.largest_current * time / RAMP_TIME,
-            ))),
+            Phase::Ramp => Ok(Action::Push(Current(rising))),
             Phase::Brake if rested => Ok(Action::Done),
             Phase::Brake if time > PATIENCE => Err(Fault::NotAtRest),
             Phase::Brake => Ok(Action::Brake(Position(origin))),
@@ -147,7 +179,7 @@ mod tests {
             current_limit: 2.0,
             current_resolution: 1e-3,
         };
-        DirectionCheck::new(&limits, RESOLUTION, T)
+        DirectionCheck::new(&limits, RESOLUTION, (6.0, 0.1), T)
     }
 
     /// A rigid actuator of 0.1 kg and `gain` N/A under the pushed current; brought back by hand.
@@ -174,6 +206,38 @@ mod tests {
     #[test]
     fn the_right_sign_is_proven() {
         assert_eq!(run(6.0).0, Ok(Action::Done));
+    }
+
+    /// A machine that friction holds: the force at which it breaks away, to what one period of the ramp
+    /// makes.
+    #[test]
+    fn the_breakaway_force_is_measured() {
+        for friction in [0.0, 0.05, 0.2, 1.0] {
+            let (mut memory, check) = (Memory::default(), check());
+            let (mut position, mut velocity) = (0.3_f32, 0.0_f32);
+            let found = loop {
+                match check.step(&mut memory, Position(position)) {
+                    Ok(Action::Push(current)) => {
+                        let force = 6.0 * current.0;
+                        let sliding = velocity > 0.0 || force > friction;
+                        velocity += if sliding {
+                            (force - friction) / 0.1 * T
+                        } else {
+                            0.0
+                        };
+                    }
+                    Ok(Action::Brake(_)) => break check.stiction(&memory).unwrap(),
+                    Ok(_) => {}
+                    Err(fault) => panic!("{fault:?}"),
+                }
+                position += velocity * T;
+            };
+            let one_period = 6.0 * 2.0 * T;
+            assert!(
+                (found - friction).abs() < 2.0 * one_period,
+                "{friction}: {found}"
+            );
+        }
     }
 
     #[test]

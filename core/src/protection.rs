@@ -147,6 +147,7 @@ impl<const N: usize> Protection<N> {
                 actuator.actual_force_constant(),
                 encoder.resolution,
                 protection.stiction,
+                limits.current_limit,
             ),
             saturation: saturation::Saturation::new(
                 limits,
@@ -158,6 +159,16 @@ impl<const N: usize> Protection<N> {
                 protection.thermal_time,
                 sample_time,
             ),
+        }
+    }
+
+    /// What a running drive begins with.
+    ///
+    /// * `stiction`: by which friction has been seen to hold the actuator, N
+    pub(crate) fn begin(&self, stiction: Option<f32>) -> Memory {
+        Memory {
+            stall: self.stall.begin(stiction),
+            ..Memory::default()
         }
     }
 

@@ -4,6 +4,7 @@
 #[cfg(feature = "virtual-board")]
 pub mod campaign;
 pub mod drives;
+pub mod false_alarms;
 pub mod reference;
 #[cfg(feature = "virtual-board")]
 pub mod virtual_board;

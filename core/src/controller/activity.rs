@@ -184,6 +184,7 @@ impl<M> Loop<M> {
         observer: &O,
         moves: &RigidMoves,
         position: Position,
+        protection: protection::Memory,
     ) -> Self {
         let mut reference = rigid::Memory::default();
         moves.step_to(&mut reference, position);
@@ -192,7 +193,7 @@ impl<M> Loop<M> {
             reaction_force: reaction_force::Memory::default(),
             observer: observer.at_rest(position),
             moves: reference,
-            protection: protection::Memory::default(),
+            protection,
         }
     }
 }

@@ -26,7 +26,7 @@ pub(super) struct EncoderStep {
     limit: f32,
 }
 
-/// The period before; nothing is known of it in the first two.
+/// The period before; nothing is known of it in the first three: what was before the start does not count.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Memory {
     known: u8,
@@ -55,7 +55,7 @@ impl EncoderStep {
         let explained = self.per_current * (current.0 + memory.current);
         let unexplained = reading.displacement - memory.displacement - explained;
         let change = unexplained - memory.unexplained;
-        let known = memory.known >= 2;
+        let known = memory.known >= 3;
         *memory = Memory {
             known: memory.known.saturating_add(1),
             displacement: reading.displacement,

@@ -4,6 +4,10 @@
 //! minus to plus its limit. Where the motor's force has changed by more than that since the encoder last
 //! moved, either the encoder is dead or something holds the actuator. A static force that the drive holds
 //! does not change, so it does not count.
+//!
+//! How much friction there is has been seen while the signs were proven, in one place of the axis; elsewhere
+//! it may be three times that, and a few thousandths of the motor's force. The setting is the most that it
+//! can be.
 
 use super::{Trip, beyond};
 use crate::encoder::Reading;
@@ -12,6 +16,9 @@ use crate::units::Current;
 
 /// Counts within which the encoder stands still.
 const STILL: f32 = 2.0;
+/// What friction may be elsewhere: times what was seen, and as a share of the motor's force.
+const ELSEWHERE: f32 = 3.0;
+const SHARE: f32 = 0.003;
 
 /// Coefficients.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +27,8 @@ pub(super) struct Stall {
     /// m
     still: f32,
     /// N
-    limit: f32,
+    most: f32,
+    share: f32,
 }
 
 /// Where the encoder was last seen to move, and the forces since then.
@@ -29,15 +37,33 @@ pub(super) struct Memory {
     anchor: f32,
     lowest: f32,
     highest: f32,
+    /// N
+    limit: f32,
 }
 
 impl Stall {
     /// * `stiction`: N
-    pub(super) fn new(force_constant: f32, resolution: f32, stiction: f32) -> Self {
+    pub(super) fn new(
+        force_constant: f32,
+        resolution: f32,
+        stiction: f32,
+        current_limit: f32,
+    ) -> Self {
         Self {
             force_constant,
             still: STILL * resolution,
-            limit: 2.0 * stiction,
+            most: stiction,
+            share: SHARE * force_constant * current_limit,
+        }
+    }
+
+    /// * `stiction`: what was seen, N
+    pub(super) fn begin(self, stiction: Option<f32>) -> Memory {
+        let seen = stiction.map_or(self.most, |seen| ELSEWHERE * seen + self.share);
+        let most = if seen < self.most { seen } else { self.most };
+        Memory {
+            limit: 2.0 * most,
+            ..Memory::default()
         }
     }
 
@@ -54,6 +80,7 @@ impl Stall {
                 anchor: reading.position.0,
                 lowest: force,
                 highest: force,
+                limit: memory.limit,
             };
             return Ok(());
         }
@@ -64,6 +91,6 @@ impl Stall {
         if force > memory.highest {
             memory.highest = force;
         }
-        beyond(Fault::Stalled, memory.highest - memory.lowest, self.limit)
+        beyond(Fault::Stalled, memory.highest - memory.lowest, memory.limit)
     }
 }
