@@ -104,7 +104,13 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
         Ok(Self {
             parts: Parts {
                 encoder: *encoder,
-                protection: Protection::new(protection, actuator, encoder, limits, period),
+                protection: Protection::new(
+                    protection,
+                    actuator,
+                    encoder,
+                    limits,
+                    (motion.total_mass, period),
+                ),
                 disturbance: DisturbanceObserver::new(actuator, g_dist, period),
                 reaction_force: ReactionForceObserver::new(actuator, g_dist, g_reac, period),
                 observer: observer.clone(),
@@ -114,7 +120,7 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
                 direction_check: DirectionCheck::new(
                     limits,
                     encoder.resolution,
-                    (force_constant, motion.total_mass),
+                    (force_constant, actuator.actual_mass()),
                     period,
                 ),
                 rest: Rest::new(encoder.resolution, period),

@@ -50,7 +50,7 @@ pub struct DirectionCheck {
     rest: Rest,
     /// N/A, kg
     force_constant: f32,
-    total_mass: f32,
+    actuator_mass: f32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -76,13 +76,13 @@ pub struct Memory {
 
 impl DirectionCheck {
     /// * `resolution`: m per count
-    /// * `force_constant`: N/A; `total_mass`: of actuator and loads, kg
+    /// * `force_constant`: N/A; `actuator_mass`: kg
     /// * `sample_time`: s
     #[must_use]
     pub fn new(
         limits: &Limits,
         resolution: f32,
-        (force_constant, total_mass): (f32, f32),
+        (force_constant, actuator_mass): (f32, f32),
         sample_time: f32,
     ) -> Self {
         Self {
@@ -91,18 +91,18 @@ impl DirectionCheck {
             largest_current: RAMP_SHARE * limits.current_limit,
             rest: Rest::new(resolution, sample_time),
             force_constant,
-            total_mass,
+            actuator_mass,
         }
     }
 
     /// Force by which friction held the actuator still, as far as the ramp has shown it, N: the motor's force
     /// when it was first seen to move, less what a machine without friction has when it is.
     ///
-    /// A force that rises at `F'` moves a mass `M` by `F' t³ / 6 M`.
+    /// A force that rises at `F'` moves the actuator by `F' t³ / 6 m`, before its springs know of it.
     #[must_use]
     pub fn stiction(&self, memory: &Memory) -> Option<f32> {
         let rate = self.force_constant * self.largest_current / RAMP_TIME;
-        let time = libm::cbrtf(6.0 * self.total_mass * SEEN_COUNTS * self.resolution / rate);
+        let time = libm::cbrtf(6.0 * self.actuator_mass * SEEN_COUNTS * self.resolution / rate);
         let breakaway = self.force_constant * memory.breakaway?;
         // One period, because it is seen in whole ones.
         Some((breakaway - rate * (time + self.sample_time)).max(0.0))

@@ -127,13 +127,13 @@ pub(crate) struct Memory {
 }
 
 impl<const N: usize> Protection<N> {
-    /// * `sample_time`: s
+    /// * `total_mass`: of actuator and loads, kg; `sample_time`: s
     pub(crate) fn new(
         protection: &ProtectionLimits<N>,
         actuator: &Actuator,
         encoder: &Encoder,
         limits: &Limits,
-        sample_time: f32,
+        (total_mass, sample_time): (f32, f32),
     ) -> Self {
         Self {
             limits: protection.clone(),
@@ -148,6 +148,8 @@ impl<const N: usize> Protection<N> {
                 encoder.resolution,
                 protection.stiction,
                 limits.current_limit,
+                total_mass,
+                sample_time,
             ),
             saturation: saturation::Saturation::new(
                 limits,

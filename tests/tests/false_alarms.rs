@@ -4,8 +4,13 @@ use arso_tests::false_alarms::moves;
 
 #[test]
 fn healthy_drives_are_not_stopped() {
+    let mut total = 0;
     for drive in 0..20 {
         let alarms = moves(drive, 3);
-        assert!(alarms.is_empty(), "{}", alarms[0]);
+        for alarm in &alarms {
+            println!("{alarm}");
+        }
+        total += alarms.len();
     }
+    assert_eq!(total, 0);
 }

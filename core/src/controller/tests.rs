@@ -155,7 +155,7 @@ fn starting_holds_the_position_and_a_step_commands_the_gain() {
     let command = controller.step(measured(0xFFFF, 0.0));
     assert!((command.current.0 - 0.6).abs() < 1e-6);
     controller.request(Request::Step(Position(1.0))).unwrap();
-    let command = controller.step(measured(0xFFFF, 0.6));
+    let command = controller.step(measured(20, 0.6));
     assert_eq!((command.current.0, command.limited), (2.0, true));
 }
 

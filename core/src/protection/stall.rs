@@ -1,15 +1,16 @@
 //! Whether the encoder stands still though the motor's force changes by more than friction can hold.
 //!
 //! An actuator that stands within two counts is held by friction; friction holds against forces from
-//! minus to plus its limit. Where the motor's force has changed by more than that since the encoder last
-//! moved, either the encoder is dead or something holds the actuator. A static force that the drive holds
+//! minus to plus its limit. Where the motor's force is by more than that another one than when the encoder
+//! last moved, for as long as it takes such a force to move the whole machine visibly, either the encoder
+//! is dead or something holds the actuator. A static force that the drive holds
 //! does not change, so it does not count.
 //!
 //! How much friction there is has been seen while the signs were proven, in one place of the axis; elsewhere
 //! it may be three times that, and a few thousandths of the motor's force. The setting is the most that it
 //! can be.
 
-use super::{Trip, beyond};
+use super::Trip;
 use crate::encoder::Reading;
 use crate::fault::Fault;
 use crate::units::Current;
@@ -18,7 +19,9 @@ use crate::units::Current;
 const STILL: f32 = 2.0;
 /// What friction may be elsewhere: times what was seen, and as a share of the motor's force.
 const ELSEWHERE: f32 = 3.0;
-const SHARE: f32 = 0.003;
+const SHARE: f32 = 0.004;
+/// Periods that the motion takes to show, whatever the force.
+const PERIODS: u32 = 5;
 
 /// Coefficients.
 #[derive(Clone, Copy, Debug)]
@@ -29,31 +32,41 @@ pub(super) struct Stall {
     /// N
     most: f32,
     share: f32,
+    /// Periods in which 1 N moves the whole machine visibly, squared.
+    visible: f32,
 }
 
-/// Where the encoder was last seen to move, and the forces since then.
+/// Where the encoder was last seen to move, and the motor's force then.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Memory {
     anchor: f32,
-    lowest: f32,
-    highest: f32,
-    /// N
+    force: f32,
+    /// For how many periods the force has been another one.
+    changed: u32,
+    /// N, and periods
     limit: f32,
+    patience: u32,
 }
 
 impl Stall {
     /// * `stiction`: N
+    /// * `total_mass`: of actuator and loads, kg
+    /// * `sample_time`: s
     pub(super) fn new(
         force_constant: f32,
         resolution: f32,
         stiction: f32,
         current_limit: f32,
+        total_mass: f32,
+        sample_time: f32,
     ) -> Self {
         Self {
             force_constant,
             still: STILL * resolution,
             most: stiction,
             share: SHARE * force_constant * current_limit,
+            // Twice as far as it takes to be seen: F t² / 2 M.
+            visible: 4.0 * STILL * resolution * total_mass / (sample_time * sample_time),
         }
     }
 
@@ -61,8 +74,10 @@ impl Stall {
     pub(super) fn begin(self, stiction: Option<f32>) -> Memory {
         let seen = stiction.map_or(self.most, |seen| ELSEWHERE * seen + self.share);
         let most = if seen < self.most { seen } else { self.most };
+        let limit = 2.0 * most;
         Memory {
-            limit: 2.0 * most,
+            limit,
+            patience: PERIODS + libm::sqrtf(self.visible / limit) as u32,
             ..Memory::default()
         }
     }
@@ -76,21 +91,23 @@ impl Stall {
         let force = self.force_constant * current.0;
         let moved = (reading.position.0 - memory.anchor).abs() > self.still;
         if moved {
-            *memory = Memory {
-                anchor: reading.position.0,
-                lowest: force,
-                highest: force,
-                limit: memory.limit,
-            };
+            memory.anchor = reading.position.0;
+            memory.force = force;
+            memory.changed = 0;
             return Ok(());
         }
-        // Written out: the library's minimum is a call on this processor.
-        if force < memory.lowest {
-            memory.lowest = force;
+        let change = force - memory.force;
+        if change.abs() <= memory.limit {
+            memory.changed = 0;
+            return Ok(());
         }
-        if force > memory.highest {
-            memory.highest = force;
+        memory.changed = memory.changed.saturating_add(1);
+        if memory.changed <= memory.patience {
+            return Ok(());
         }
-        beyond(Fault::Stalled, memory.highest - memory.lowest, memory.limit)
+        Err(Trip {
+            fault: Fault::Stalled,
+            value: change,
+        })
     }
 }

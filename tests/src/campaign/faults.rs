@@ -82,6 +82,18 @@ pub struct Named {
     pub fault: Fault,
 }
 
+impl Named {
+    /// At which of the instants it is tried: each of this many. A host that blocks the log keeps the
+    /// processor busy, which is slow to emulate, and does not care for the motion.
+    #[must_use]
+    pub const fn every(&self) -> usize {
+        match self.fault {
+            Fault::Log(LogHost::Blocks(_)) => 6,
+            _ => 1,
+        }
+    }
+}
+
 const FOR_EVER: f64 = 1e6;
 
 macro_rules! list {

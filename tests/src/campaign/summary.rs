@@ -3,7 +3,7 @@
 use super::faults::{FAULTS, Named};
 use super::outcome::{Outcome, Verdict};
 use super::run::run;
-use super::stage::Stage;
+use super::stage::{Instant, Stage};
 use super::workers::share;
 use crate::virtual_board::Stop;
 use serde_json::{Value, json};
@@ -22,30 +22,33 @@ pub struct Row {
 /// # Errors
 /// Whatever stops the firmware before anything is broken.
 pub fn campaign(stage: &Stage, faults: &[Named], threads: usize) -> Result<Vec<Row>, Stop> {
-    let instants = &stage.instants;
+    let mut work = Vec::new();
+    for (number, fault) in faults.iter().enumerate() {
+        let instants = stage.instants.iter().step_by(fault.every());
+        work.extend(instants.map(|instant| (number, fault, instant)));
+    }
     let outcomes = share(
-        faults.len() * instants.len(),
+        work.len(),
         threads,
         || stage.rig(),
         |number, rig| {
-            let fault = faults[number / instants.len()].fault;
-            let instant = &instants[number % instants.len()];
-            run(fault, number as u64, instant, stage, rig)
+            let (_, fault, instant) = work[number];
+            run(fault.fault, seed(fault, instant), instant, stage, rig)
         },
     )?;
-    let rows = faults.iter().zip(outcomes.chunks(instants.len()));
-    let rows = rows.map(|(fault, outcomes)| {
-        let of = |moving: bool| {
-            let runs = outcomes.iter().zip(instants);
-            let runs = runs.filter(|(_, instant)| instant.moving == moving);
-            runs.map(|(outcome, _)| outcome.clone()).collect()
-        };
-        Row {
-            name: fault.name,
-            runs: [of(true), of(false)],
-        }
-    });
-    Ok(rows.collect())
+    let mut rows: Vec<Row> = faults.iter().map(|fault| Row::new(fault.name)).collect();
+    for ((fault, _, instant), outcome) in work.iter().zip(outcomes) {
+        rows[*fault].runs[usize::from(!instant.moving)].push(outcome);
+    }
+    Ok(rows)
+}
+
+/// Chance differs between faults and instants, and for the same two it does not.
+fn seed(fault: &Named, instant: &Instant) -> u64 {
+    let name = fault.name.bytes().map(u64::from);
+    name.fold(instant.period.into(), |seed, byte| {
+        seed.wrapping_mul(31).wrapping_add(byte)
+    })
 }
 
 /// The faults whose names contain a word; all for an empty one.
@@ -56,6 +59,11 @@ pub fn faults_named(word: &str) -> Vec<Named> {
 }
 
 impl Row {
+    fn new(name: &'static str) -> Self {
+        let runs = [Vec::new(), Vec::new()];
+        Self { name, runs }
+    }
+
     /// Every run.
     pub fn all(&self) -> impl Iterator<Item = &Outcome> {
         self.runs.iter().flatten()
