@@ -102,7 +102,10 @@ impl DirectionCheck {
     #[must_use]
     pub fn stiction(&self, memory: &Memory) -> Option<f32> {
         let rate = self.force_constant * self.largest_current / RAMP_TIME;
-        let time = libm::cbrtf(6.0 * self.actuator_mass * SEEN_COUNTS * self.resolution / rate);
+        let time = libm::powf(
+            6.0 * self.actuator_mass * SEEN_COUNTS * self.resolution / rate,
+            1.0 / 3.0,
+        );
         let breakaway = self.force_constant * memory.breakaway?;
         // One period, because it is seen in whole ones.
         Some((breakaway - rate * (time + self.sample_time)).max(0.0))

@@ -190,7 +190,9 @@ impl<const N: usize> Protection<N> {
         self.encoder_step
             .step(&mut memory.encoder_step, reading, *current)?;
         within::step(&self.limits, period)?;
-        self.stall.step(&mut memory.stall, reading, *current)?;
+        let unexplained = period.estimate.disturbance.0 + period.estimate.innovation.0;
+        let forces = [self.stall.motor(*current), unexplained];
+        self.stall.step(&mut memory.stall, reading, forces)?;
         self.saturation.step(&mut memory.saturated, *current)?;
         self.thermal.step(&mut memory.thermal, *current)
     }

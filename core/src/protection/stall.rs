@@ -1,10 +1,12 @@
-//! Whether the encoder stands still though the motor's force changes by more than friction can hold.
+//! Whether the encoder stands still though a force acts that friction cannot hold.
 //!
 //! An actuator that stands within two counts is held by friction; friction holds against forces from
-//! minus to plus its limit. Where the motor's force is by more than that another one than when the encoder
-//! last moved, for as long as it takes such a force to move the whole machine visibly, either the encoder
-//! is dead or something holds the actuator. A static force that the drive holds
-//! does not change, so it does not count.
+//! minus to plus its limit. Two forces are looked at: the motor's, and what the model does not explain
+//! (disturbance and innovation of the state observer together). Where both are by more than that others
+//! than when the encoder last moved, for as long as it takes such a force to move the whole machine
+//! visibly, either the encoder is dead or something holds the actuator. What the springs pull while the load
+//! swings is in the first alone, and what the model has wrong in the second; a static force that the drive
+//! holds does not change.
 //!
 //! How much friction there is has been seen while the signs were proven, in one place of the axis; elsewhere
 //! it may be three times that, and a few thousandths of the motor's force. The setting is the most that it
@@ -19,7 +21,7 @@ use crate::units::Current;
 const STILL: f32 = 2.0;
 /// What friction may be elsewhere: times what was seen, and as a share of the motor's force.
 const ELSEWHERE: f32 = 3.0;
-const SHARE: f32 = 0.004;
+const SHARE: f32 = 0.005;
 /// Periods that the motion takes to show, whatever the force.
 const PERIODS: u32 = 5;
 
@@ -36,12 +38,12 @@ pub(super) struct Stall {
     visible: f32,
 }
 
-/// Where the encoder was last seen to move, and the motor's force then.
+/// Where the encoder was last seen to move, and the forces then.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Memory {
     anchor: f32,
-    force: f32,
-    /// For how many periods the force has been another one.
+    forces: [f32; 2],
+    /// For how many periods the forces have been others.
     changed: u32,
     /// N, and periods
     limit: f32,
@@ -65,8 +67,8 @@ impl Stall {
             still: STILL * resolution,
             most: stiction,
             share: SHARE * force_constant * current_limit,
-            // Twice as far as it takes to be seen: F t² / 2 M.
-            visible: 4.0 * STILL * resolution * total_mass / (sample_time * sample_time),
+            // Eight times as far as it takes to be seen: F t² / 2 M.
+            visible: 16.0 * STILL * resolution * total_mass / (sample_time * sample_time),
         }
     }
 
@@ -82,22 +84,29 @@ impl Stall {
         }
     }
 
+    /// Force of the motor at a current, N.
+    pub(super) fn motor(self, current: Current) -> f32 {
+        self.force_constant * current.0
+    }
+
+    /// * `forces`: the motor's, and what the model does not explain, N
     pub(super) fn step(
         self,
         memory: &mut Memory,
         reading: &Reading,
-        current: Current,
+        forces: [f32; 2],
     ) -> Result<(), Trip> {
-        let force = self.force_constant * current.0;
         let moved = (reading.position.0 - memory.anchor).abs() > self.still;
         if moved {
             memory.anchor = reading.position.0;
-            memory.force = force;
+            memory.forces = forces;
             memory.changed = 0;
             return Ok(());
         }
-        let change = force - memory.force;
-        if change.abs() <= memory.limit {
+        let [motor, unexplained] = forces;
+        let change = motor - memory.forces[0];
+        let still_explained = (unexplained - memory.forces[1]).abs() <= memory.limit;
+        if change.abs() <= memory.limit || still_explained {
             memory.changed = 0;
             return Ok(());
         }
