@@ -10,6 +10,9 @@ use arso_core::moves::rigid::MotionLimits;
 use arso_core::observer::{Anchored, LinearObserver};
 use arso_core::regulator::{MassGain, Regulator};
 
+/// Linear or rotary: which units all numbers are in.
+pub const KIND: &str = "linear";
+
 /// Number of load masses.
 pub const LOADS: usize = 3;
 

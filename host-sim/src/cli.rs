@@ -7,9 +7,11 @@
 mod capture;
 mod compare;
 mod design;
+mod drive_argument;
 mod excite;
 mod identify;
 mod paper;
+mod progress;
 mod simulate;
 mod wording;
 
@@ -27,6 +29,9 @@ pub struct Cli {
     command: Option<Command>,
     #[command(flatten)]
     main: simulate::Simulate,
+    /// Print no results and no progress: errors, warnings, and the JSON or CSV that is asked for
+    #[arg(long, short, global = true)]
+    quiet: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -46,15 +51,16 @@ impl Cli {
     /// # Errors
     /// Whatever ends it early; see [`Error::exit_code`](crate::error::Error::exit_code).
     pub fn run(self) -> Result<()> {
+        let quiet = self.quiet;
         match self.command {
-            None => self.main.run(),
-            Some(Command::Design(command)) => command.run(),
-            Some(Command::Capture(command)) => command.run(),
-            Some(Command::Compare(command)) => command.run(),
-            Some(Command::Identify(command)) => command.run(),
-            Some(Command::Excite(command)) => command.run(),
-            Some(Command::Paper(command)) => command.run(),
-            Some(Command::Simulate(command)) => command.run(),
+            None => self.main.run(quiet),
+            Some(Command::Design(command)) => command.run(quiet),
+            Some(Command::Capture(command)) => command.run(quiet),
+            Some(Command::Compare(command)) => command.run(quiet),
+            Some(Command::Identify(command)) => command.run(quiet),
+            Some(Command::Excite(command)) => command.run(quiet),
+            Some(Command::Paper(command)) => command.run(quiet),
+            Some(Command::Simulate(command)) => command.run(quiet),
         }
     }
 }

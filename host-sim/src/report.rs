@@ -5,6 +5,7 @@
 //! drawing.
 
 mod columns;
+mod lines;
 pub mod comparison;
 pub mod csv;
 pub mod design;
@@ -15,6 +16,7 @@ pub mod identification;
 pub mod log;
 pub mod paper;
 pub mod plot;
+pub mod run;
 mod table;
 
 /// A time for a CSV file: in whole nanoseconds, because 0.1 + 0.2 has no place in a time column.

@@ -1,10 +1,12 @@
 //! `host-sim simulate`: experiments in closed loop, the core beside feedback of the true state.
 
+use super::drive_argument::DriveArgument;
+use super::progress::Progress;
 use crate::design::Design;
-use crate::drive::{DEFAULT_NAME, Drive, PlantFile};
+use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::output::{print, write_file};
-use crate::report::{csv::csv, design, experiments, plot::plot};
+use crate::report::{csv::csv, design, experiments, run};
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{SCENARIOS, Scenario, of_the_paper};
 use crate::simulate::{Law, Run, simulate};
@@ -15,8 +17,8 @@ use std::path::PathBuf;
 /// Simulate experiments on a drive.
 #[derive(Debug, Args)]
 pub(super) struct Simulate {
-    /// Description of the drive; the paper's rig when not given.
-    drive: Option<PathBuf>,
+    #[command(flatten)]
+    drive: DriveArgument,
     /// Experiment to simulate, may be given several times; the paper's four when not given.
     #[arg(long, value_name = "NAME", value_parser = scenario_names())]
     scenario: Vec<String>,
@@ -54,8 +56,8 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl Simulate {
-    pub(super) fn run(self) -> Result<()> {
-        let drive = Drive::load(self.drive.as_deref())?;
+    pub(super) fn run(self, quiet: bool) -> Result<()> {
+        let drive = self.drive.load()?;
         let design = Design::new(&drive)?;
         let plant = match &self.plant {
             None => PlantFile::from(&drive),
@@ -101,13 +103,15 @@ impl Simulate {
 
         let mut runs: Vec<(Run, Metrics)> = Vec::new();
         let mut files = Vec::new();
-        for scenario in scenarios {
+        let progress = Progress::new(quiet);
+        for (done, scenario) in scenarios.iter().enumerate() {
+            progress.step(done, scenarios.len(), scenario.name);
             let core = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
             let bound = simulate(&design, &plant, scenario, Law::FullState, self.duration)?;
             for (name, content) in [
                 (
                     format!("{}.svg", scenario.name),
-                    plot(&core, &bound)?.into_bytes(),
+                    run::plot(&core, &bound, drive.actuator.current_limit)?.into_bytes(),
                 ),
                 (format!("{}.csv", scenario.name), csv(&core)?),
                 (format!("{}-full-state.csv", scenario.name), csv(&bound)?),
@@ -121,18 +125,14 @@ impl Simulate {
                 runs.push((run, metrics));
             }
         }
+        drop(progress);
         if self.json {
             let json = experiments::json(&design, &runs, &files);
             print(&format!("{json:#}\n"))?;
-        } else {
-            let shown =
-                |path: &Option<PathBuf>| path.as_ref().map(|path| path.display().to_string());
-            let mut text = format!(
-                "drive: {}",
-                shown(&self.drive).unwrap_or(DEFAULT_NAME.into())
-            );
-            if let Some(plant) = shown(&self.plant) {
-                text += &format!(", plant: {plant}");
+        } else if !quiet {
+            let mut text = format!("drive: {}", self.drive.shown());
+            if let Some(plant) = &self.plant {
+                text += &format!(", plant: {}", plant.display());
             }
             text += &format!("\n{}\n", design::tables(&design)?);
             text += &experiments::tables(&design, &runs);
