@@ -250,7 +250,10 @@ mod tests {
 
         let (capture, _) = read(&[700, 701, 2, 5].map(record));
         assert_eq!(periods(&capture), [700, 701, 2, 5]);
-        assert_eq!((capture.restarts[0], capture.lost, capture.malformed), (2, 2, 0));
+        assert_eq!(
+            (capture.restarts[0], capture.lost, capture.malformed),
+            (2, 2, 0)
+        );
         assert_eq!(capture.times(1.0), [0.0, 1.0, 2.0, 5.0]);
     }
 
@@ -279,7 +282,7 @@ mod tests {
             let mut text = lines.join("\n").into_bytes();
             for (at, bit) in &hits {
                 let at = at % text.len();
-                text[at] ^= 1 << bit;
+                text[at] ^= 1_u8 << bit;
             }
             let capture = read_text(&text[..], |_| ()).unwrap();
             for record in &capture.records {

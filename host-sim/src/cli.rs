@@ -2,7 +2,8 @@
 //!
 //! `host-sim` alone does the main job: the paper's four experiments on the embedded drive, the
 //! same as `host-sim simulate`. A file for each subcommand: it parses, calls the library, and prints or
-//! writes what `report` makes of the result; `wording` has the flags in errors.
+//! writes what `report` makes of the result; `wording` has the flags in errors, `drive_argument` the one way to
+//! name a drive file.
 
 mod capture;
 mod compare;
@@ -12,13 +13,16 @@ mod excite;
 mod identify;
 mod paper;
 mod progress;
+mod shell;
 mod simulate;
 mod wording;
 
 use crate::error::Result;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub use wording::sentence;
+
+use std::ffi::OsString;
 
 /// Designs the gains of a drive that positions a flexible load with no sensor on it, and
 /// simulates it with the control core of the firmware.
@@ -43,9 +47,32 @@ enum Command {
     Excite(excite::ExciteCommand),
     Paper(paper::PaperCommand),
     Simulate(simulate::Simulate),
+    Completions(shell::CompletionsCommand),
+    Man(shell::ManCommand),
+    Schema(shell::SchemaCommand),
 }
 
 impl Cli {
+    /// Reads the command line; what clap makes of it otherwise, unless a command is misspelt.
+    ///
+    /// # Errors
+    /// What is wrong with it, or the help that was asked for.
+    pub fn read(arguments: &[OsString]) -> std::result::Result<Self, clap::Error> {
+        Self::try_parse_from(arguments).map_err(|error| {
+            let word = arguments.get(1).and_then(|word| word.to_str());
+            let misspelt = word
+                .filter(|_| error.exit_code() != 0)
+                .and_then(|word| Some((word, wording::meant(word)?)));
+            match misspelt {
+                Some((word, meant)) => Self::command().error(
+                    clap::error::ErrorKind::InvalidSubcommand,
+                    format!("there is no command '{word}': did you mean '{meant}'?"),
+                ),
+                None => error,
+            }
+        })
+    }
+
     /// Does what the command line asks for.
     ///
     /// # Errors
@@ -61,6 +88,9 @@ impl Cli {
             Some(Command::Excite(command)) => command.run(quiet),
             Some(Command::Paper(command)) => command.run(quiet),
             Some(Command::Simulate(command)) => command.run(quiet),
+            Some(Command::Completions(command)) => command.run(),
+            Some(Command::Man(command)) => command.run(quiet),
+            Some(Command::Schema(command)) => command.run(),
         }
     }
 }

@@ -5,7 +5,6 @@
 //! drawing.
 
 mod columns;
-mod lines;
 pub mod comparison;
 pub mod csv;
 pub mod design;
@@ -13,6 +12,7 @@ pub mod excitation;
 pub mod experiments;
 pub mod horizon;
 pub mod identification;
+mod lines;
 pub mod log;
 pub mod paper;
 pub mod plot;

@@ -157,7 +157,10 @@ mod tests {
         live.read_to_string(&mut text).unwrap();
         assert_eq!(text, "whole");
         let open = || Err::<&[u8], _>(ErrorKind::PermissionDenied.into());
-        let error = Live::new(open, ended()).unwrap().read(&mut [0]).unwrap_err();
+        let error = Live::new(open, ended())
+            .unwrap()
+            .read(&mut [0])
+            .unwrap_err();
         assert_eq!(error.kind(), ErrorKind::PermissionDenied);
     }
 }

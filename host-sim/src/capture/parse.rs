@@ -196,7 +196,7 @@ pub(super) mod tests {
             let whole = logged(&example(7));
             let mut damaged = whole.clone().into_bytes();
             let at = at % damaged.len();
-            damaged[at] ^= 1 << bit;
+            damaged[at] ^= 1_u8 << bit;
             if let Line::Record(found) = line(&String::from_utf8_lossy(&damaged)) {
                 prop_assert_eq!(found, example(7));
             }

@@ -65,14 +65,20 @@ impl CaptureCommand {
                 std::fs::read(path).map_err(read_error(path))?,
             )),
         };
-        let progress = Progress::new(quiet);
-        let stream = progress.counting(self.stream()?);
+        let server = match &self.tcp {
+            None => None,
+            Some(address) => {
+                Some(TcpStream::connect(address).map_err(read_error(Path::new(address)))?)
+            }
+        };
         ctrlc::set_handler(|| {
             if INTERRUPTED.swap(true, Ordering::Relaxed) {
                 std::process::exit(130);
             }
         })
         .map_err(|error| Error::Capture(format!("Ctrl-C cannot be caught: {error}")))?;
+        let progress = Progress::new(quiet);
+        let stream = progress.counting(self.stream(server)?);
         // Messages are shown as they come, the records at the end.
         let message = |text: &str| progress.say(text);
         let capture = match &elf {
@@ -98,12 +104,12 @@ impl CaptureCommand {
     }
 
     /// The log, which ends at Ctrl-C whatever its source does.
-    fn stream(&self) -> Result<Box<dyn Read>> {
+    fn stream(&self, server: Option<TcpStream>) -> Result<Box<dyn Read>> {
         let failed = |name: &str| {
             let path = PathBuf::from(name);
             move |source| Error::Read { path, source }
         };
-        let live = match (&self.rtt, &self.tcp) {
+        let live = match (&self.rtt, server) {
             (Some(path), _) => {
                 let name = path.display().to_string();
                 // A pipe without a writer blocks when it is opened, a file says what is wrong with it.
@@ -116,9 +122,8 @@ impl CaptureCommand {
                 }
                 .map_err(failed(&name))?
             }
-            (None, Some(address)) => {
-                let stream = TcpStream::connect(address).map_err(failed(address))?;
-                Live::new(move || Ok(stream), &INTERRUPTED).map_err(failed(address))?
+            (None, Some(server)) => {
+                Live::new(move || Ok(server), &INTERRUPTED).map_err(failed("the server"))?
             }
             (None, None) => Live::new(|| Ok(std::io::stdin()), &INTERRUPTED)
                 .map_err(failed("standard input"))?,

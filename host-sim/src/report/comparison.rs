@@ -1,7 +1,7 @@
 //! The drive beside its rivals: a table of all laws on all plants, what they were tuned to, and JSON.
 
-use crate::chain::controlled_mass;
 use super::plot::{Panel, Series, panels};
+use crate::chain::controlled_mass;
 use crate::compare::{Outcome, Row, Tuning, duration};
 use crate::design::Design;
 use crate::error::Result;
@@ -54,9 +54,8 @@ pub fn plot(design: &Design, rows: &[Row]) -> Result<String> {
             // Laws beside each other, so that none hides another.
             let aside = 0.09 * (law as f64 - (rows.len() - 1) as f64 / 2.0);
             let points = row.outcomes.iter().enumerate();
-            let points = points.map(|(case, outcome)| {
-                (value(outcome).unwrap_or(edge), -(case as f64) - aside)
-            });
+            let points = points
+                .map(|(case, outcome)| (value(outcome).unwrap_or(edge), -(case as f64) - aside));
             Series::dots(row.law, law, points.collect())
         });
         each.collect()

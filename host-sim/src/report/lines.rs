@@ -30,7 +30,11 @@ fn peaks(points: &[(f64, f64)]) -> Points {
         let least = (0..within.len()).min_by(|a, b| within[*a].1.total_cmp(&within[*b].1));
         let greatest = (0..within.len()).max_by(|a, b| within[*a].1.total_cmp(&within[*b].1));
         let ends = [Some(0), Some(within.len() - 1)];
-        let mut indices: Vec<usize> = ends.into_iter().chain([least, greatest]).flatten().collect();
+        let mut indices: Vec<usize> = ends
+            .into_iter()
+            .chain([least, greatest])
+            .flatten()
+            .collect();
         indices.sort_unstable();
         indices.dedup();
         kept.extend(indices.into_iter().map(|index| within[index]));
@@ -45,9 +49,9 @@ fn path(points: &[(f64, f64)]) -> Points {
     let (dx, dy) = (size(x), size(y));
     let mut kept: Points = Vec::new();
     for point in points {
-        let apart = kept.last().is_none_or(|last| {
-            (point.0 - last.0).abs() > dx || (point.1 - last.1).abs() > dy
-        });
+        let apart = kept
+            .last()
+            .is_none_or(|last| (point.0 - last.0).abs() > dx || (point.1 - last.1).abs() > dy);
         if apart {
             kept.push(*point);
         }

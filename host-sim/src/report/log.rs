@@ -11,8 +11,8 @@ use crate::report::plot::{Panel, Series, panels};
 use crate::simulate::corridor::Record;
 use arso_core::Mode;
 use arso_core::telemetry::{Column, Quantity};
-use serde_json::json;
 use comfy_table::{Cell, CellAlignment, Table, presets};
+use serde_json::json;
 use std::collections::BTreeMap;
 
 /// Whether a column of a record means something.

@@ -124,11 +124,7 @@ pub fn panels(title: &str, content: &[Panel<'_>]) -> Result<String> {
     Ok(svg)
 }
 
-fn draw(
-    svg: &mut String,
-    title: &str,
-    content: &[Panel<'_>],
-) -> std::result::Result<(), Failure> {
+fn draw(svg: &mut String, title: &str, content: &[Panel<'_>]) -> std::result::Result<(), Failure> {
     let rows = content.len().div_ceil(2);
     let size = (2 * PANEL.0, TITLE + rows as u32 * PANEL.1);
     let root = SVGBackend::with_string(svg, size).into_drawing_area();
@@ -227,7 +223,11 @@ impl Panel<'_> {
                     above.draw(&PathElement::new([(from, middle), (to, middle)], style))?;
                 }
             }
-            let name = Text::new(series.name.as_str(), (x + STROKE + 6, y), ("sans-serif", 13));
+            let name = Text::new(
+                series.name.as_str(),
+                (x + STROKE + 6, y),
+                ("sans-serif", 13),
+            );
             above.draw(&name)?;
         }
         Ok(below)

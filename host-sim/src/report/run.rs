@@ -25,7 +25,10 @@ pub fn plot(core: &Run, bound: &Run, limit: f64) -> Result<String> {
     let masses = masses(core);
     let whole = core.samples.len();
     let shown = moving(core).max(moving(bound)).min(whole);
-    let (drive, full) = (&core.samples[..shown], &bound.samples[..shown.min(bound.samples.len())]);
+    let (drive, full) = (
+        &core.samples[..shown],
+        &bound.samples[..shown.min(bound.samples.len())],
+    );
     let last = drive.last().map_or(0.0, |sample| sample.time);
     let times = (0.0, last);
     let mut title = format!("{}: {}", core.scenario.name, core.scenario.title(core.kind));
@@ -41,14 +44,12 @@ pub fn plot(core: &Run, bound: &Run, limit: f64) -> Result<String> {
     let position = |mass: usize| move |s: &Sample| Some(1e3 * s.truth[2 * mass]);
     let each = |line: &dyn Fn(usize) -> Series| -> Vec<Series> { (0..masses).map(line).collect() };
 
-    let mut motion = each(&|mass| {
+    let reference = series(drive, |s| Some(1e3 * s.reference));
+    let mut motion = vec![Series::behind("reference", reference)];
+    motion.extend(each(&|mass| {
         let points = series(drive, position(mass));
         Series::line(name(mass), mass, points)
-    });
-    motion.push(Series::behind(
-        "reference",
-        series(drive, |s| Some(1e3 * s.reference)),
-    ));
+    }));
 
     let band = 1e3 * band(core);
     let mut error = Series::bounds("2 % of the way", &[-band, band], times);
@@ -152,7 +153,8 @@ fn moving(run: &Run) -> usize {
     let target = run.scenario.target;
     let masses = masses(run);
     let moves = |s: &Sample| {
-        (0..masses).any(|mass| (s.truth[2 * mass] - target).abs() > band) || s.reference != target
+        (0..masses).any(|mass| (s.truth[2 * mass] - target).abs() > band)
+            || (s.reference - target).abs() > band
     };
     let last = run.samples.iter().rposition(moves).unwrap_or(0);
     let shown = (LONGER * last as f64) as usize;
