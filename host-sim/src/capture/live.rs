@@ -143,7 +143,7 @@ mod tests {
     fn an_endless_stream_ends_when_it_is_told_to() {
         let end = ended();
         let mut live = Live::new(|| Ok(Endless), end).unwrap();
-        live.read_exact(&mut [0; 100_000]).unwrap();
+        live.read_exact(&mut vec![0; 100_000]).unwrap();
         end.store(true, Ordering::Relaxed);
         let mut rest = Vec::new();
         live.read_to_end(&mut rest).unwrap();

@@ -45,7 +45,7 @@ const ALIKE: f64 = 0.8;
 /// The command that was meant by a word that is no command, no option and no file.
 pub(super) fn meant(word: &str) -> Option<String> {
     let command = Cli::command();
-    let names = command.get_subcommands().map(|command| command.get_name());
+    let names = command.get_subcommands().map(clap::Command::get_name);
     let names: Vec<&str> = names.collect();
     let other = names.contains(&word) || word.contains(['.', '/', '-']) || Path::new(word).exists();
     let likeness = names

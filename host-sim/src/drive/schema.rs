@@ -27,7 +27,7 @@ pub(super) struct RawFile {
     pub(super) control: Option<RawControl>,
     /// How the state observer is designed.
     pub(super) observer: Option<RawObserver>,
-    /// The performance index, eq. (2): position and velocity, or energy alone, or settling_time alone.
+    /// The performance index, eq. (2): position and velocity, or energy alone, or `settling_time` alone.
     #[schemars(with = "Option<RawCost>")]
     pub(super) cost: Option<Spanned<RawCost>>,
     /// Limits of a planned move; derived from current limit and slowest mode when absent.
@@ -46,10 +46,10 @@ pub(super) type Number = Spanned<f64>;
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawActuator {
-    /// kg: moving mass of the actuator, m_an.
+    /// kg: moving mass of the actuator, `m_an`.
     #[schemars(with = "f64")]
     pub(super) mass: Number,
-    /// N/A: k_fn.
+    /// N/A: `k_fn`.
     #[schemars(with = "f64")]
     pub(super) force_constant: Number,
     /// A: largest current.
@@ -58,10 +58,10 @@ pub(super) struct RawActuator {
     /// A: step of the current output; 0 or absent: continuous.
     #[schemars(with = "Option<f64>")]
     pub(super) current_resolution: Option<Number>,
-    /// kg: identified minus nominal mass, Delta m of (18).
+    /// kg: identified minus nominal mass, Delta `m` of (18).
     #[schemars(with = "Option<f64>")]
     pub(super) mass_deviation: Option<Number>,
-    /// N/A: identified minus nominal force constant, Delta k_f of (18).
+    /// N/A: identified minus nominal force constant, Delta `k_f` of (18).
     #[schemars(with = "Option<f64>")]
     pub(super) force_constant_deviation: Option<Number>,
 }
@@ -100,10 +100,10 @@ pub(super) struct RawControl {
     /// s: control period.
     #[schemars(with = "f64")]
     pub(super) sample_time: Number,
-    /// rad/s: g_dist, eq. (19).
+    /// rad/s: `g_dist`, eq. (19).
     #[schemars(with = "f64")]
     pub(super) disturbance_cutoff: Number,
-    /// rad/s: g_reac, eq. (18).
+    /// rad/s: `g_reac`, eq. (18).
     #[schemars(with = "f64")]
     pub(super) reaction_force_cutoff: Number,
     /// The state observer: anchored, or reaction, eq. (17) as printed, which drifts under friction.
