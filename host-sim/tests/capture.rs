@@ -180,3 +180,30 @@ fn ctrl_c_ends_a_silent_pipe_with_its_records() {
         drop(writer);
     }
 }
+
+/// Nobody reads the messages any more: the log is written all the same.
+#[test]
+fn closed_messages_lose_no_log() {
+    use std::io::Write;
+    use std::process::{Command, Stdio};
+    let directory = tempfile::tempdir().unwrap();
+    let mut child = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
+        .arg("capture")
+        .arg("--out")
+        .arg(directory.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stderr.take());
+    let log = [identity("drive ready"), record(1), "INFO idle".into()].join("\n");
+    child
+        .stdin
+        .take()
+        .unwrap()
+        .write_all(log.as_bytes())
+        .unwrap();
+    assert!(child.wait().unwrap().success());
+    assert!(directory.path().join("log.csv").exists());
+}

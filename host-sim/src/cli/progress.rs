@@ -2,7 +2,7 @@
 //! and nobody asked for quiet.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::io::Read;
+use std::io::{Read, Write};
 use std::time::Duration;
 
 /// A line that is shown, once it is worth it.
@@ -43,10 +43,12 @@ impl Progress {
         self.bar.wrap_read(stream)
     }
 
-    /// A line above the progress.
+    /// A line above the progress. Where nobody reads it any more (`2>&1 | head`), the work goes on.
     pub(super) fn say(&self, text: &str) {
         if !self.quiet {
-            self.bar.suspend(|| eprintln!("{text}"));
+            self.bar.suspend(|| {
+                let _ = writeln!(std::io::stderr(), "{text}");
+            });
         }
     }
 
