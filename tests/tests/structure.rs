@@ -101,7 +101,7 @@ impl Paths {
                     self.take_use(tree, &path);
                 }
             }
-            _ => self.take(&path),
+            syn::UseTree::Glob(_) => self.take(&path),
         }
     }
 }
