@@ -83,5 +83,5 @@ pub use indicator::Vibration;
 pub use link::{Refusal, Request};
 pub use mode::Mode;
 pub use settings::Settings;
-pub use telemetry::Telemetry;
+pub use telemetry::{Identity, Telemetry};
 pub use units::{Counts, Current, Force, Position, Velocity};

@@ -47,6 +47,20 @@ pub struct Telemetry<L> {
     pub cycles: u32,
 }
 
+/// Which drive a log is of: said at the start and with every summary, so that no reader of a log has to
+/// be told.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identity<'a> {
+    /// `"linear"` or `"rotary"`: the units of all that is logged.
+    pub kind: &'a str,
+    /// Number of load masses.
+    pub loads: u8,
+    /// Control period, s.
+    pub sample_time: f32,
+    /// CRC-32 (ISO-HDLC) of the settings as postcard serialises them.
+    pub fingerprint: u32,
+}
+
 /// What a column of the telemetry counts in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {

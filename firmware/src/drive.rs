@@ -80,11 +80,6 @@ pub fn new<B: Board>(
     let (records_in, records_out) = queues.records.split();
     let (requests_in, requests_out) = queues.requests.split();
     let (refusals_in, refusals_out) = queues.refusals.split();
-    defmt::info!(
-        "drive ready: {} loads, period {} s",
-        LOADS,
-        GAINS.sample_time
-    );
     let control = Control {
         timer: hardware.timer,
         encoder: hardware.encoder,
@@ -103,7 +98,7 @@ pub fn new<B: Board>(
         watchdog: hardware.watchdog,
         inputs: hardware.inputs,
         switches: Switches::default(),
-        log: Log::new(GAINS.sample_time),
+        log: Log::new(),
         records: records_out,
         requests: requests_in,
         refusals: refusals_out,

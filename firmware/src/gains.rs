@@ -11,6 +11,9 @@ use arso_core::observer::{Anchored, LinearObserver};
 use arso_core::protection::ProtectionLimits;
 use arso_core::regulator::{MassGain, Regulator};
 
+/// Linear or rotary: which units all numbers are in.
+pub const KIND: &str = "linear";
+
 /// Number of load masses.
 pub const LOADS: usize = 3;
 
@@ -66,7 +69,7 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         velocity: 2.0, // m/s
         following_error: 0.16755578, // m
         reaction_force: 25.72, // N
-        disturbance: 1.286, // N
+        disturbance: 1.929, // N
         innovation: 3.215, // N
         deflection: [0.08573333, 0.08573333, 0.08573333], // m
         stiction: 0.3858, // N

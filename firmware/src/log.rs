@@ -1,14 +1,21 @@
-//! What the drive says over defmt: the record of every control period, changes of mode, refusals, and a
-//! summary each second.
+//! What the drive says over defmt: which drive it is, the record of every control period, changes of mode,
+//! refusals, and a summary each second.
 //!
-//! A record is logged in its serialised form (postcard), which `host-sim capture` reads with the very type
-//! that wrote it.
+//! Records and the drive's identity are logged in their serialised form (postcard) with a checksum, which
+//! `host-sim capture` reads with the very types that wrote them. The identity is repeated with each summary,
+//! for who listens late.
 
-use crate::settings::LOADS;
-use arso_core::{Mode, Refusal, Telemetry, Vibration};
+use crate::settings::{GAINS, KIND, LOADS};
+use arso_core::{Identity, Mode, Refusal, Telemetry, Vibration};
+use crc::{CRC_32_ISO_HDLC, Crc, Digest};
+use postcard::ser_flavors::Flavor;
+
+/// Checksum of what is logged in serialised form.
+static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Follows the records and logs them.
 pub(crate) struct Log {
+    identity: Identity<'static>,
     vibration: Vibration,
     mode: Mode,
     /// Records per summary.
@@ -21,9 +28,19 @@ pub(crate) struct Log {
 }
 
 impl Log {
-    /// * `sample_time`: s
-    pub(crate) fn new(sample_time: f32) -> Self {
+    /// Says which drive this is.
+    pub(crate) fn new() -> Self {
+        let sample_time = GAINS.sample_time;
+        let identity = Identity {
+            kind: KIND,
+            loads: LOADS as u8,
+            sample_time,
+            fingerprint: fingerprint(),
+        };
+        // `capture` takes these words for a start of the drive.
+        defmt::info!("drive ready: {}", Shown(&identity));
         Self {
+            identity,
             vibration: Vibration::new(sample_time),
             mode: Mode::Idle,
             summary: (1.0 / sample_time) as u32,
@@ -38,7 +55,7 @@ impl Log {
     pub(crate) fn record(&mut self, record: &Telemetry<[f32; LOADS]>) {
         // A record of six loads takes 104 bytes at most.
         let mut buffer = [0; 128];
-        if let Ok(bytes) = postcard::to_slice(record, &mut buffer) {
+        if let Ok(bytes) = postcard::to_slice_crc32(record, &mut buffer, CHECKSUM.digest()) {
             defmt::debug!("record {=[u8]}", bytes);
         }
         if let Some(expected) = self.expected {
@@ -90,6 +107,7 @@ impl Log {
                 self.worst_cycles,
                 self.lost,
             );
+            defmt::info!("drive: {}", Shown(&self.identity));
             self.records = 0;
             self.worst_cycles = 0;
         }
@@ -105,4 +123,40 @@ impl Log {
             refusal.mode
         );
     }
+}
+
+/// An identity for people, followed by its serialised form.
+struct Shown<'a>(&'a Identity<'a>);
+
+impl defmt::Format for Shown<'_> {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        let mut buffer = [0; 32];
+        let bytes = postcard::to_slice_crc32(self.0, &mut buffer, CHECKSUM.digest());
+        defmt::write!(
+            f,
+            "{} loads, {}, period {} s, fingerprint {:08x}, identity {=[u8]}",
+            self.0.loads,
+            self.0.kind,
+            self.0.sample_time,
+            self.0.fingerprint,
+            bytes.unwrap_or_default()
+        );
+    }
+}
+
+/// Checksum of the settings in their serialised form, which is never there as a whole.
+fn fingerprint() -> u32 {
+    struct Passing(Digest<'static, u32>);
+    impl Flavor for Passing {
+        type Output = u32;
+        fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
+            self.0.update(&[byte]);
+            Ok(())
+        }
+        fn finalize(self) -> postcard::Result<u32> {
+            Ok(self.0.finalize())
+        }
+    }
+    // Nothing in it can fail: settings are numbers.
+    postcard::serialize_with_flavor(&GAINS, Passing(CHECKSUM.digest())).unwrap_or(0)
 }

@@ -1,300 +1,296 @@
 //! The drive's log: from a defmt stream, or from text that another program decoded, to records.
 //!
 //! ```text
-//! bytes --frames between zeros--> defmt-decoder (with the ELF) --text--> record | message
+//! bytes --frames between zeros--> defmt-decoder (with the ELF) --text--> record | identity | message
 //! ```
 //!
-//! A record is `record [b, b, …]`, the telemetry as the drive serialised it, and is read with the very
-//! type that wrote it. A frame that does not decode is counted and skipped; the next zero byte is a new
-//! beginning. Gaps in the numbers of the control periods are counted as lost records. Memory is bounded
-//! by what is kept: the records.
+//! A record is `record [b, b, …]`, the telemetry as the drive serialised it with a checksum, and is read with
+//! the very type that wrote it. The drive says in the same way which drive it is. A frame that does not decode
+//! is counted and skipped; the next zero byte is a new beginning. Gaps in the numbers of the control periods
+//! are counted as lost records. Memory is bounded by what is kept: the records.
+
+mod frames;
+mod live;
+mod origin;
+mod parse;
+
+pub use frames::read_defmt;
+pub use live::Live;
+pub use origin::Origin;
 
 use crate::error::{Error, Result};
 use crate::simulate::corridor::Record;
-use defmt_decoder::{DecodeError, Table};
-use std::io::Read;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use parse::Line;
+use std::io::{BufRead, BufReader, Read};
 
-/// Longer frames are no frames of ours.
-const LONGEST_FRAME: usize = 4096;
+/// More missing control periods than this are no gap: a quarter of an hour at 1 kHz.
+const LONGEST_GAP: u32 = 1_000_000;
+/// A record that does not follow is believed when another one follows it as closely as this.
+const CLOSE: u32 = 1000;
 
 /// A log as far as it could be read.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Capture {
-    /// Control periods.
+    /// Control periods, in the order of the log.
     pub records: Vec<Record>,
+    /// Where in `records` the drive began anew, having been reset.
+    pub restarts: Vec<usize>,
+    /// Every drive that the log says it is of: one, if it says so at all.
+    pub origins: Vec<Origin>,
     /// Everything else, with its level.
     pub messages: Vec<String>,
     /// Bytes read.
     pub bytes: u64,
     /// Frames or lines that could not be decoded.
     pub malformed: u64,
-    /// Control periods that are missing between the first and the last.
+    /// Control periods that are missing between the first and the last, resets apart.
     pub lost: u64,
+    /// The drive said that it starts, and no record has come since.
+    started: bool,
+    /// A record that does not follow the one before: the first after a reset, or nonsense.
+    doubtful: Option<Record>,
 }
 
 impl Capture {
-    fn take(&mut self, text: &str) {
-        if let Some(record) = parse_record(text) {
-            if let Some(last) = self.records.last() {
-                // A drive that was reset starts again at small numbers.
-                let gap = record.period.wrapping_sub(last.period).wrapping_sub(1);
-                if gap < u32::MAX / 2 {
-                    self.lost += u64::from(gap);
+    /// Takes a line; whether it is undamaged.
+    fn take(&mut self, text: &str, message: &mut impl FnMut(&str)) -> bool {
+        match parse::line(text) {
+            Line::Record(record) => self.take_record(record),
+            Line::Drive {
+                origin,
+                starts,
+                words,
+            } => {
+                self.started |= starts && !self.records.is_empty();
+                let new = !self.origins.contains(&origin);
+                if new {
+                    self.origins.push(origin);
+                }
+                if new || starts {
+                    self.say(words, message);
                 }
             }
+            Line::Message(text) => self.say(text, message),
+            Line::Empty => {}
+            Line::Damaged => {
+                self.malformed += 1;
+                return false;
+            }
+        }
+        true
+    }
+
+    fn say(&mut self, text: &str, message: &mut impl FnMut(&str)) {
+        message(text);
+        self.messages.push(text.to_owned());
+    }
+
+    fn take_record(&mut self, record: Record) {
+        if self.records.is_empty() {
             self.records.push(record);
-        } else if !text.trim().is_empty() {
-            self.messages.push(text.trim().to_owned());
+            return;
         }
+        if std::mem::take(&mut self.started) {
+            self.forget_doubtful();
+            self.restart(record);
+            return;
+        }
+        // A jump is believed once it has a successor: the drive's own words may have been lost.
+        let last = self.records.last().and_then(|last| gap(last, &record));
+        if let Some(gap) = last {
+            self.forget_doubtful();
+            self.lost += u64::from(gap);
+            self.records.push(record);
+            return;
+        }
+        let doubtful = self.doubtful.take();
+        let close = doubtful.as_ref().and_then(|before| gap(before, &record));
+        match (doubtful, close) {
+            (Some(before), Some(gap)) if gap <= CLOSE => {
+                self.restart(before);
+                self.lost += u64::from(gap);
+                self.records.push(record);
+            }
+            (before, _) => {
+                self.malformed += u64::from(before.is_some());
+                self.doubtful = Some(record);
+            }
+        }
+    }
+
+    fn restart(&mut self, record: Record) {
+        self.restarts.push(self.records.len());
+        self.records.push(record);
+    }
+
+    fn forget_doubtful(&mut self) {
+        self.malformed += u64::from(self.doubtful.take().is_some());
+    }
+
+    /// Time of each record from the first one on, s. How long a reset took is not known: the drive goes on
+    /// one control period later.
+    #[must_use]
+    pub fn times(&self, period: f64) -> Vec<f64> {
+        let mut at = 0_u64;
+        let mut restarts = self.restarts.iter().peekable();
+        let mut before: Option<&Record> = None;
+        let each = self.records.iter().enumerate().map(|(index, record)| {
+            let reset = restarts.next_if(|restart| **restart == index).is_some();
+            at += match before {
+                None => 0,
+                Some(_) if reset => 1,
+                Some(before) => u64::from(record.period.wrapping_sub(before.period)),
+            };
+            before = Some(record);
+            at as f64 * period
+        });
+        each.collect()
     }
 }
 
-/// Reads a raw defmt stream to its end.
-///
-/// * `elf`: the very firmware that logged
-/// * `message`: called with everything that is no record, as it comes
-///
-/// # Errors
-/// [`Error::Input`] when the ELF has no log table or nothing in the stream fits it;
-/// [`Error::Read`] when the stream cannot be read.
-pub fn read_defmt(
-    elf: &[u8],
-    name: &str,
-    mut stream: impl Read,
-    mut message: impl FnMut(&str),
-) -> Result<Capture> {
-    let input = |message: String| Error::Input {
-        place: name.into(),
-        message,
-    };
-    let table = catch_unwind(|| Table::parse(elf))
-        .map_err(|_| input("not an ELF with a defmt log".into()))?
-        .map_err(|error| input(format!("not an ELF with a defmt log: {error}")))?
-        .ok_or_else(|| input("this ELF has no defmt log".into()))?;
-
-    let mut capture = Capture::default();
-    let mut frame = Vec::new();
-    let mut decoded = 0_u64;
-    let mut overlong = false;
-    let mut buffer = [0; 16 * 1024];
-    loop {
-        let length = match stream.read(&mut buffer) {
-            Ok(0) => break,
-            Ok(length) => length,
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
-            Err(source) => {
-                return Err(Error::Read {
-                    path: "the log".into(),
-                    source,
-                });
-            }
-        };
-        capture.bytes += length as u64;
-        for byte in &buffer[..length] {
-            if *byte != 0 {
-                overlong |= frame.len() >= LONGEST_FRAME;
-                if !overlong {
-                    frame.push(*byte);
-                }
-                continue;
-            }
-            if overlong {
-                capture.malformed += 1;
-            } else if !frame.is_empty() {
-                match decode(&table, &frame) {
-                    Some(text) => {
-                        decoded += 1;
-                        let messages = capture.messages.len();
-                        capture.take(&text);
-                        if let Some(new) = capture.messages.get(messages) {
-                            message(new);
-                        }
-                    }
-                    None => capture.malformed += 1,
-                }
-            }
-            frame.clear();
-            overlong = false;
-        }
-    }
-    // What is left has no end: cut off.
-    capture.malformed += u64::from(overlong || !frame.is_empty());
-    if decoded == 0 && capture.bytes > 0 {
-        return Err(input(format!(
-            "none of the {} bytes of the log fits this ELF: it must be the one that logged",
-            capture.bytes
-        )));
-    }
-    Ok(capture)
-}
-
-/// One frame as text with its level, nothing when it is damaged.
-fn decode(table: &Table, frame: &[u8]) -> Option<String> {
-    // A damaged frame can name any format with any arguments, and the decoder was not made for
-    // that: what it cannot take may end in a panic inside of it, which is a damaged frame too.
-    let decode = || {
-        let mut decoder = table.new_stream_decoder();
-        decoder.received(frame);
-        decoder.received(&[0]);
-        match decoder.decode() {
-            Ok(frame) => {
-                let level = frame.level().map_or("", |level| level.as_str());
-                Some(format!(
-                    "{} {}",
-                    level.to_uppercase(),
-                    frame.display_message()
-                ))
-            }
-            Err(DecodeError::UnexpectedEof | DecodeError::Malformed) => None,
-        }
-    };
-    catch_unwind(AssertUnwindSafe(decode)).ok().flatten()
+/// Control periods that are missing between two records; nothing where the second does not follow.
+fn gap(before: &Record, record: &Record) -> Option<u32> {
+    let gap = record.period.wrapping_sub(before.period).checked_sub(1)?;
+    (gap <= LONGEST_GAP).then_some(gap)
 }
 
 /// Reads text as `probe-rs run` and `probe-rs attach` print it: one message per line, decoded.
 ///
+/// * `message`: called with everything that is no record, as it comes
+///
 /// # Errors
 /// [`Error::Read`] when the stream cannot be read.
 pub fn read_text(stream: impl Read, mut message: impl FnMut(&str)) -> Result<Capture> {
-    use std::io::{BufRead, BufReader};
     let mut capture = Capture::default();
     let mut reader = BufReader::new(stream);
     loop {
         let mut line = Vec::new();
         // Bounded: an endless line is taken in pieces.
         let read = reader.by_ref().take(64 * 1024).read_until(b'\n', &mut line);
-        let length = read.map_err(|source| Error::Read {
-            path: "the log".into(),
-            source,
-        })?;
+        let length = read.map_err(unreadable)?;
         if length == 0 {
+            capture.forget_doubtful();
             return Ok(capture);
         }
         capture.bytes += length as u64;
-        let line = String::from_utf8_lossy(&line);
-        let messages = capture.messages.len();
-        let broken = line.contains(RECORD) && parse_record(&line).is_none();
-        if broken {
-            capture.malformed += 1;
-        } else {
-            capture.take(&line);
-        }
-        if let Some(new) = capture.messages.get(messages) {
-            message(new);
-        }
+        capture.take(&String::from_utf8_lossy(&line), &mut message);
     }
 }
 
-/// How a record begins.
-const RECORD: &str = "record [";
-
-/// Takes a record out of a line: all its bytes, and numbers that are finite.
-fn parse_record(text: &str) -> Option<Record> {
-    let (_, bytes) = text.split_once(RECORD)?;
-    let (bytes, _) = bytes.split_once(']')?;
-    let bytes = bytes.split(',').map(|byte| byte.trim().parse().ok());
-    let bytes: Vec<u8> = bytes.collect::<Option<_>>()?;
-    let (record, rest): (Record, _) = postcard::take_from_bytes(&bytes).ok()?;
-    let whole = rest.is_empty() && record.load_position.len() == record.load_velocity.len();
-    (whole && record.columns().all(|column| column.value.is_finite())).then_some(record)
+/// A stream that cannot be read.
+fn unreadable(source: std::io::Error) -> Error {
+    Error::Read {
+        path: "the log".into(),
+        source,
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::parse::tests::{example, logged, said};
     use super::*;
-    use arso_core::{Fault, Mode};
     use proptest::prelude::*;
 
-    fn record() -> Record {
-        Record {
-            period: 7,
-            mode: Mode::Fault(Fault::EncoderJump),
-            count: 65535,
-            applied_current: -0.001,
-            command: 0.0,
-            limited: true,
-            reference: 0.0,
-            position: 0.0,
-            velocity: 0.0,
-            load_position: vec![0.1, -2e-5],
-            load_velocity: vec![0.0, 3.0],
-            reaction_force: 0.0,
-            disturbance: 0.0,
-            disturbance_state: 0.0,
-            fault_value: 0.5,
-            cycles: 1180,
-        }
+    fn read(lines: &[String]) -> (Capture, Vec<String>) {
+        let mut seen = Vec::new();
+        let text = lines.join("\n");
+        let capture = read_text(text.as_bytes(), |message| seen.push(message.to_owned())).unwrap();
+        assert_eq!(capture.bytes, text.len() as u64);
+        (capture, seen)
     }
 
-    /// As the drive logs it and the decoder prints it.
-    fn line(record: &Record) -> String {
-        let mut buffer = [0; 128];
-        let bytes = postcard::to_slice(record, &mut buffer).unwrap();
-        format!("DEBUG record {bytes:?}")
+    fn periods(capture: &Capture) -> Vec<u32> {
+        capture.records.iter().map(|record| record.period).collect()
     }
 
-    #[test]
-    fn a_record_is_what_the_drive_serialised() {
-        assert_eq!(parse_record(&line(&record())), Some(record()));
-        // What is cut, too long, or holds what is no number is none.
-        let whole = line(&record());
-        let longer = whole.replace(']', ", 0]");
-        let cut = whole.replace(", 9]", "]");
-        let not_finite = line(&Record {
-            velocity: f32::NAN,
-            ..record()
-        });
-        let uneven = line(&Record {
-            load_velocity: vec![0.0],
-            ..record()
-        });
-        assert!(cut != whole);
-        for text in [longer, cut, not_finite, uneven] {
-            assert_eq!(parse_record(&text), None, "{text}");
-        }
+    fn record(period: u32) -> String {
+        logged(&example(period))
     }
 
     #[test]
     fn text_is_read_line_by_line_and_gaps_are_counted() {
-        let later = Record {
-            period: 10,
-            ..record()
-        };
         let lines = [
-            &line(&record()),
-            "INFO running",
-            &line(&later),
-            "",
-            "x record [8",
+            record(7),
+            "INFO running".into(),
+            record(10),
+            String::new(),
+            "x record [8".into(),
         ];
-        let text = lines.join("\n");
-        let mut seen = Vec::new();
-        let capture = read_text(text.as_bytes(), |message| seen.push(message.to_owned())).unwrap();
-        assert_eq!(
-            (capture.records.len(), capture.lost, capture.malformed),
-            (2, 2, 1)
-        );
+        let (capture, seen) = read(&lines);
+        assert_eq!(periods(&capture), [7, 10]);
+        assert_eq!((capture.lost, capture.malformed), (2, 1));
         assert_eq!(seen, ["INFO running"]);
-        assert_eq!(capture.bytes, text.len() as u64);
     }
 
     #[test]
-    fn no_elf_is_an_error() {
-        for elf in [&b""[..], b"hello", &[0x7F; 1000]] {
-            let error = read_defmt(elf, "fw.elf", &b"abc"[..], |_| ()).unwrap_err();
-            assert!(error.to_string().starts_with("fw.elf: "), "{error}");
-            assert_eq!(error.exit_code(), 2);
+    fn a_number_that_jumps_is_damage() {
+        for jump in [3, 8, 8_000_000, u32::MAX] {
+            let (capture, _) = read(&[7, 8, jump, 9, 12].map(record));
+            assert_eq!(periods(&capture), [7, 8, 9, 12], "{jump}");
+            assert_eq!((capture.lost, capture.malformed), (2, 1));
+            assert!(capture.restarts.is_empty());
         }
+        // At the end nothing speaks for it.
+        let (capture, _) = read(&[7, 8, 1].map(record));
+        assert_eq!((periods(&capture), capture.malformed), (vec![7, 8], 1));
+        // The number wraps.
+        let (capture, _) = read(&[u32::MAX - 1, 1].map(record));
+        assert_eq!((capture.records.len(), capture.lost), (2, 2));
+    }
+
+    /// With the drive's words, or without them where two records agree.
+    #[test]
+    fn a_reset_is_a_new_beginning() {
+        let start = said("drive ready: ", 1);
+        let lines = [record(700), record(702), start, record(705), record(706)];
+        let (capture, _) = read(&lines);
+        assert_eq!((capture.lost, capture.malformed), (1, 0));
+        assert_eq!(capture.restarts, [2]);
+        assert_eq!(capture.times(0.5), [0.0, 1.0, 1.5, 2.0]);
+
+        let (capture, _) = read(&[700, 701, 2, 5].map(record));
+        assert_eq!(periods(&capture), [700, 701, 2, 5]);
+        assert_eq!(
+            (capture.restarts[0], capture.lost, capture.malformed),
+            (2, 2, 0)
+        );
+        assert_eq!(capture.times(1.0), [0.0, 1.0, 2.0, 5.0]);
+    }
+
+    /// Once said is enough for the reader; another drive is another one.
+    #[test]
+    fn the_drive_says_which_it_is() {
+        let again = said("drive: ", 1);
+        let lines = [again.clone(), record(1), again, said("drive: ", 2)];
+        let (capture, seen) = read(&lines);
+        let fingerprints: Vec<u32> = capture.origins.iter().map(|o| o.fingerprint).collect();
+        assert_eq!(fingerprints, [1, 2]);
+        assert_eq!(seen, ["INFO drive: 2 loads"; 2]);
+        assert_eq!(
+            capture.origins[0].differences(&capture.origins[1]),
+            ["gains or other settings with fingerprint 00000001, not 00000002"]
+        );
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
+        /// Bytes flipped at random: no record that was not sent, and no more lost than were hit.
         #[test]
-        fn any_text_is_taken(text in ".{0,200}", cut in 0..150_usize) {
-            parse_record(&text);
-            let line = line(&record());
-            parse_record(&format!("{}{text}", &line[..cut.min(line.len())]));
-            read_text(text.as_bytes(), |_| ()).unwrap();
+        fn damage_makes_no_record(hits in prop::collection::vec((any::<usize>(), 0..8), 0..200)) {
+            let lines: Vec<String> = (100..600).map(record).collect();
+            let mut text = lines.join("\n").into_bytes();
+            for (at, bit) in &hits {
+                let at = at % text.len();
+                text[at] ^= 1_u8 << bit;
+            }
+            let capture = read_text(&text[..], |_| ()).unwrap();
+            for record in &capture.records {
+                prop_assert_eq!(record, &example(record.period));
+            }
+            prop_assert!(periods(&capture).is_sorted() && capture.restarts.is_empty());
+            prop_assert!(capture.lost <= 2 * hits.len() as u64);
+            prop_assert!(capture.records.len() + 2 * hits.len() >= 500);
         }
     }
 }

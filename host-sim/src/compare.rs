@@ -19,6 +19,7 @@ pub use shaper::Shaper;
 use crate::design::Design;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
+use crate::output::Progress;
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{SCENARIOS, Scenario};
 use crate::simulate::watch::{after, judged};
@@ -82,6 +83,9 @@ const PERIODS: f64 = 15.0;
 const SHORTEST: f64 = 1.2;
 /// Longest runs, in control periods: thousands of runs are made.
 const LONGEST: f64 = 50_000.0;
+
+/// How many laws there are.
+const LAWS: usize = 7;
 
 /// The step that is compared: the paper's first.
 fn scenario() -> &'static Scenario {
@@ -164,9 +168,11 @@ pub fn require_comparable(design: &Design) -> Result<()> {
 
 /// All laws on all plants.
 ///
+/// * `progress`: told of each law as its turn comes
+///
 /// # Errors
 /// [`Error::Design`] or [`Error::Comparison`] when a rival cannot be formed, or the runs are too long.
-pub fn compare(design: &Design) -> Result<Vec<Row>> {
+pub fn compare(design: &Design, progress: &Progress<'_>) -> Result<Vec<Row>> {
     require_comparable(design)?;
     let cases = cases(design);
     let duration = duration(design);
@@ -210,6 +216,7 @@ pub fn compare(design: &Design) -> Result<Vec<Row>> {
             .fold(0.0, f64::max)
     };
 
+    progress(0, LAWS, "drive");
     let mut rows = vec![
         row("full state", Tuning::Design, &|_| {
             Ok(Box::new(FullState::new(design, scenario())))
@@ -219,6 +226,7 @@ pub fn compare(design: &Design) -> Result<Vec<Row>> {
         }),
     ];
 
+    progress(rows.len(), LAWS, "encoder filter");
     let actuator = &design.drive.actuator;
     let force = actuator.actual_force_constant() * actuator.current_limit;
     let settings = |point: &[f64]| EncoderSettings {
@@ -243,6 +251,7 @@ pub fn compare(design: &Design) -> Result<Vec<Row>> {
         ("PD + ZVD", Shaper::Zvd),
         ("PD + EI", Shaper::Ei),
     ] {
+        progress(rows.len(), LAWS, name);
         let best = tuned_pd(design, shaper, |settings| {
             worst(false, &|| {
                 Ok(Box::new(Pd::new(design, settings, shaper, target)))
@@ -308,7 +317,7 @@ mod tests {
     #[test]
     fn figures_are_those_computed_elsewhere() {
         let design = Design::new(&Drive::default_drive()).unwrap();
-        let rows = compare(&design).unwrap();
+        let rows = compare(&design, &crate::output::unwatched).unwrap();
         let row = |name: &str| rows.iter().find(|row| row.law == name).unwrap();
         let settled = |row: &Row, case: &str| {
             let outcomes = &row.outcomes;

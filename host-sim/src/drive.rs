@@ -15,6 +15,8 @@ mod fit;
 mod machine_tables;
 mod schema;
 
+pub use schema::schema;
+
 use crate::error::{Error, Result};
 use crate::machine::{Actuator, Encoder, ExternalForce, Friction, Kind, Load};
 use document::{Document, read};

@@ -172,6 +172,28 @@ impl ExcitationPlan {
         once.into_iter().cycle().take(length)
     }
 
+    /// Amplitude of every multiple of 1 / period from 0 on, A.
+    #[must_use]
+    pub fn amplitudes(&self) -> Vec<f64> {
+        let mut planner = realfft::RealFftPlanner::<f64>::new();
+        let transform = planner.plan_fft_forward(self.table.len());
+        let mut once: Vec<f64> = self.currents().map(f64::from).collect();
+        once.truncate(self.table.len());
+        let mut spectrum = transform.make_output_vec();
+        // Both have the length that the plan asks for.
+        let _ = transform.process(&mut once, &mut spectrum);
+        let scale = 2.0 / self.table.len() as f64;
+        spectrum.iter().map(|line| scale * line.norm()).collect()
+    }
+
+    /// Where the actuator is predicted to be at each control period, with the friction of the drive file, m.
+    ///
+    /// # Errors
+    /// When its motion is no longer finite.
+    pub fn motion(&self, drive: &Drive) -> Result<Vec<f64>> {
+        prediction::motion(drive, self)
+    }
+
     /// Largest current, A.
     #[must_use]
     pub fn peak(&self) -> f64 {

@@ -25,6 +25,7 @@ pub use parameters::{Experiment, Machine, Parameters, Quantity};
 
 use crate::drive::Drive;
 use crate::error::{Error, Result};
+use crate::output::Progress;
 use confidence::{correlation, covariance, require_determined};
 use estimate::{Estimate, estimate};
 use predict::simulation;
@@ -75,10 +76,17 @@ const LEAST_FIT: f64 = 50.0;
 
 /// Identifies what is not held.
 ///
+/// * `progress`: told of each fit as its turn comes
+///
 /// # Errors
 /// [`Error::Identification`] when the log does not determine a quantity, or no machine of this
 /// structure explains it.
-pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Identification> {
+pub fn identify(
+    drive: &Drive,
+    log: &Log,
+    parameters: &Parameters,
+    progress: &Progress<'_>,
+) -> Result<Identification> {
     let resolution = drive.encoder.resolution;
     let refused = |message: String| Error::Identification(message);
     let flexible = parameters.experiment() == Experiment::Excitation;
@@ -101,7 +109,7 @@ pub fn identify(drive: &Drive, log: &Log, parameters: &Parameters) -> Result<Ide
         machine,
         errors,
         slopes,
-    } = estimate(drive, log, parameters, &starts)?;
+    } = estimate(drive, log, parameters, &starts, progress)?;
     let slowest = machine.chain.modes().first().map(|mode| mode.frequency_hz);
     let memory = slowest.map_or(MEMORY.1, |hz| (MEMORY.0 / hz / log.period) as usize);
     let memory = memory.clamp(10, MEMORY.1);

@@ -1,8 +1,39 @@
-//! Files and standard output, whole or not at all; numbers as people read them.
+//! Files and standard output, whole or not at all; numbers as people read them; how far a long task is.
 
 use crate::error::{Error, Result};
 use std::io::Write;
 use std::path::Path;
+use std::time::Duration;
+
+/// Called by what takes long: steps done, steps in all, and what comes next.
+pub type Progress<'a> = dyn Fn(usize, usize, &str) + 'a;
+
+/// Nobody wants to know.
+pub fn unwatched(_: usize, _: usize, _: &str) {}
+
+/// How the temporary files of [`write_file`] begin and end.
+const TEMPORARY: (&str, &str) = (".host-sim-", ".tmp");
+/// An unfinished file older than this is nobody's any more.
+const ABANDONED: Duration = Duration::from_secs(600);
+
+/// Removes what runs that were killed have left unfinished in a folder.
+fn clean_up(directory: &Path) {
+    let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
+    for entry in entries {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let ours = name.starts_with(TEMPORARY.0) && name.ends_with(TEMPORARY.1);
+        let abandoned = || {
+            let metadata = entry.metadata().ok()?;
+            let age = metadata.modified().ok()?.elapsed().ok()?;
+            (metadata.is_file() && age > ABANDONED).then_some(())
+        };
+        if ours && abandoned().is_some() {
+            // What cannot be removed does no harm.
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
 
 /// Writes a regular file so that at any moment either the old or the complete new one is there.
 ///
@@ -19,7 +50,9 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
         _ => Path::new("."),
     };
     std::fs::create_dir_all(directory).map_err(&error)?;
+    clean_up(directory);
     let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
     // What a plainly created file would get before the umask, not a temporary file's owner-only.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -63,6 +96,38 @@ pub fn significant(value: f64, figures: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Unfinished files of runs that were killed go, those of runs that go on stay, and so does what
+    /// somebody else calls nearly the same.
+    #[test]
+    fn abandoned_files_are_removed() {
+        let directory = tempfile::tempdir().unwrap();
+        let old = std::time::SystemTime::now() - 2 * ABANDONED;
+        let make = |name: &str, age: Option<std::time::SystemTime>| {
+            let file = std::fs::File::create(directory.path().join(name)).unwrap();
+            if let Some(time) = age {
+                file.set_modified(time).unwrap();
+            }
+        };
+        make(".host-sim-abandoned.tmp", Some(old));
+        make(".host-sim-at-work.tmp", None);
+        make(".host-simulation.txt", Some(old));
+        make("host-sim-old.tmp", Some(old));
+        write_file(&directory.path().join("new.txt"), b"new").unwrap();
+        let names = std::fs::read_dir(directory.path()).unwrap();
+        let names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<String> = names.collect();
+        names.sort();
+        assert_eq!(
+            names,
+            [
+                ".host-sim-at-work.tmp",
+                ".host-simulation.txt",
+                "host-sim-old.tmp",
+                "new.txt"
+            ]
+        );
+    }
 
     #[test]
     fn numbers_keep_their_figures() {

@@ -12,9 +12,11 @@ pub mod excitation;
 pub mod experiments;
 pub mod horizon;
 pub mod identification;
+mod lines;
 pub mod log;
 pub mod paper;
 pub mod plot;
+pub mod run;
 mod settled;
 mod table;
 

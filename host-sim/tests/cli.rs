@@ -536,6 +536,9 @@ fn wrong_usage_is_exit_code_2() {
     assert!(error.contains("/nonexistent.toml"));
 }
 
+/// Of records and identities.
+const CHECKSUM: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
 /// A record as the drive logs it and `probe-rs run` prints it.
 fn logged(period: u32, mode: Mode) -> String {
     let record = Telemetry {
@@ -557,7 +560,8 @@ fn logged(period: u32, mode: Mode) -> String {
         cycles: 1100,
     };
     let mut buffer = [0; 128];
-    let bytes = postcard::to_slice(&record, &mut buffer).unwrap();
+    let digest = CHECKSUM.digest();
+    let bytes = postcard::to_slice_crc32(&record, &mut buffer, digest).unwrap();
     format!("DEBUG record {bytes:?}")
 }
 

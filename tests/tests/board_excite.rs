@@ -12,6 +12,7 @@ use host_sim::drive::{Drive, PlantFile};
 use host_sim::excite::{ExcitationPlan, ExcitationRequest};
 use host_sim::identify::{Experiment, Log, Parameters, identify};
 use host_sim::machine::Friction;
+use host_sim::output::unwatched;
 use host_sim::report::log::csv;
 use host_sim::simulate::corridor::{Record, corridor};
 use host_sim::simulate::plant::Plant;
@@ -353,7 +354,9 @@ fn the_machine_is_identified_from_the_boards_log() {
     let log = Log::parse(&csv[..], "log.csv", &drive).unwrap();
     let hold = ["actuator.force_constant".to_owned()];
     let parameters = Parameters::new(&drive, Experiment::Excitation, &hold).unwrap();
-    let found = identify(&drive, &log, &parameters).unwrap().quantities;
+    let found = identify(&drive, &log, &parameters, &unwatched)
+        .unwrap()
+        .quantities;
     for (name, truth) in [
         ("actuator.mass", 0.059),
         ("load[1].stiffness", 350.0),

@@ -5,7 +5,7 @@ use arso_core::Mode;
 use arso_tests::virtual_board::Rig;
 use arso_tests::virtual_board::image::Image;
 use arso_tests::virtual_board::rig::Period;
-use host_sim::capture::{Capture, read_defmt};
+use host_sim::capture::{Capture, Origin, read_defmt};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::error::Result;
@@ -37,6 +37,9 @@ fn every_control_step_is_in_the_log() {
     let capture = decode(&log).unwrap();
     assert_eq!((capture.lost, capture.malformed), (0, 0));
     assert_eq!(capture.records.len() as u64, runs);
+    // The drive says which it is, and its fingerprint is that of the design.
+    let design = Design::new(&Drive::default_drive()).unwrap();
+    assert_eq!(capture.origins, [Origin::of(&design).unwrap()]);
     assert!(
         capture
             .messages
@@ -147,12 +150,12 @@ fn a_corrupted_log_is_resynchronised() {
         );
         // One byte can spoil two frames where it was or becomes their separator.
         assert!(kept + 2 * hits >= whole.records.len());
-        let intact = capture
-            .records
-            .iter()
-            .filter(|record| whole.records.contains(record))
-            .count();
-        assert!(intact + 2 * hits >= whole.records.len(), "{intact}");
+        for record in &capture.records {
+            assert!(whole.records.contains(record), "{record:?}");
+        }
+        assert!(capture.lost <= 2 * hits as u64, "{} lost", capture.lost);
+        assert!(capture.restarts.is_empty());
+        assert_eq!(capture.origins, whole.origins);
     }
 }
 

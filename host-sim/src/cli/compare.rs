@@ -1,11 +1,12 @@
 //! `host-sim compare`: the drive beside its rivals.
 
+use super::drive_argument::DriveArgument;
+use super::progress::Progress;
 use crate::compare::{compare, require_comparable};
 use crate::design::Design;
 use crate::design::assessment::require_sound;
-use crate::drive::{DEFAULT_NAME, Drive};
 use crate::error::Result;
-use crate::output::print;
+use crate::output::{print, write_file};
 use crate::report::comparison;
 use clap::Args;
 use std::path::PathBuf;
@@ -18,28 +19,41 @@ use std::path::PathBuf;
 /// friction. Feedback of the true state is the bound of the drive's gain without friction.
 #[derive(Debug, Args)]
 pub(super) struct CompareCommand {
-    /// Description of the drive; the paper's rig when not given.
-    drive: Option<PathBuf>,
+    #[command(flatten)]
+    drive: DriveArgument,
+    /// Draw settling times and overshoots of all laws on all plants, as SVG.
+    #[arg(long, value_name = "PATH")]
+    plot: Option<PathBuf>,
     /// Print the figures as JSON, SI units.
     #[arg(long)]
     json: bool,
 }
 
 impl CompareCommand {
-    pub(super) fn run(self) -> Result<()> {
-        let drive = Drive::load(self.drive.as_deref())?;
-        let design = Design::new(&drive)?;
+    pub(super) fn run(self, quiet: bool) -> Result<()> {
+        let design = Design::new(&self.drive.load()?)?;
         require_comparable(&design)?;
         require_sound(&design)?;
-        let rows = compare(&design)?;
+        let progress = Progress::new(quiet);
+        let rows = compare(&design, &|done, of, what| progress.step(done, of, what))?;
+        drop(progress);
+        if let Some(path) = &self.plot {
+            write_file(path, comparison::plot(&design, &rows)?.as_bytes())?;
+        }
         if self.json {
             return print(&format!("{:#}\n", comparison::json(&design, &rows)));
         }
-        let name = self.drive.as_ref().map(|path| path.display().to_string());
-        print(&format!(
+        if quiet {
+            return Ok(());
+        }
+        let mut text = format!(
             "drive: {}\n{}",
-            name.unwrap_or(DEFAULT_NAME.into()),
+            self.drive.shown(),
             comparison::text(&design, &rows)
-        ))
+        );
+        if let Some(path) = &self.plot {
+            text += &format!("plot written to {}\n", path.display());
+        }
+        print(&text)
     }
 }

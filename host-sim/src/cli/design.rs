@@ -1,8 +1,8 @@
 //! `host-sim design`: gains from a drive file.
 
+use super::drive_argument::DriveArgument;
 use crate::design::Design;
 use crate::design::assessment::Assessment;
-use crate::drive::{DEFAULT_NAME, Drive};
 use crate::error::Result;
 use crate::output::{print, write_file};
 use crate::report::{design, horizon};
@@ -13,8 +13,8 @@ use std::path::PathBuf;
 /// Design regulator and observer of a drive.
 #[derive(Debug, Args)]
 pub(super) struct DesignCommand {
-    /// Description of the drive; the paper's rig when not given.
-    drive: Option<PathBuf>,
+    #[command(flatten)]
+    drive: DriveArgument,
     /// Print the design as JSON, SI units.
     #[arg(long)]
     json: bool,
@@ -27,12 +27,10 @@ pub(super) struct DesignCommand {
 }
 
 impl DesignCommand {
-    pub(super) fn run(self) -> Result<()> {
-        let drive = Drive::load(self.drive.as_deref())?;
-        let design = Design::new(&drive)?;
+    pub(super) fn run(self, quiet: bool) -> Result<()> {
+        let design = Design::new(&self.drive.load()?)?;
         let assessment = Assessment::new(&design)?;
-        let name = self.drive.as_ref().and_then(|path| path.file_name());
-        let origin = name.map_or(DEFAULT_NAME.into(), |name| name.to_string_lossy());
+        let origin = self.drive.name();
         let sound = assessment.require_sound();
         if let (Some(path), true) = (&self.rust, sound.is_ok()) {
             write_file(path, gains_source(&design, &origin).as_bytes())?;
@@ -42,7 +40,7 @@ impl DesignCommand {
         }
         if self.json {
             print(&format!("{:#}\n", design::json(&design, &assessment)?))?;
-        } else {
+        } else if !quiet {
             let mut text = format!("design for {origin}\n{}", design::tables(&design)?);
             text += &design::protection(&design);
             text += &design::assessment(&assessment);

@@ -1,6 +1,6 @@
 //! `host-sim excite`: the current that the drive plays to be identified.
 
-use crate::drive::{DEFAULT_NAME, Drive};
+use super::drive_argument::DriveArgument;
 use crate::error::Result;
 use crate::excite::{self, ExcitationPlan, ExcitationRequest, excitation_file};
 use crate::output::{print, significant, write_file};
@@ -12,8 +12,8 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(allow_negative_numbers = true)]
 pub(super) struct ExciteCommand {
-    /// Description of the drive; the paper's rig when not given.
-    drive: Option<PathBuf>,
+    #[command(flatten)]
+    drive: DriveArgument,
     /// Which signal.
     #[arg(long, value_enum, default_value_t)]
     kind: Signal,
@@ -45,6 +45,12 @@ pub(super) struct ExciteCommand {
     /// Write the excitation as Rust source for the firmware.
     #[arg(long, value_name = "PATH")]
     rust: Option<PathBuf>,
+    /// Draw current, spectrum and predicted motion, as SVG.
+    #[arg(long, value_name = "PATH")]
+    plot: Option<PathBuf>,
+    /// Print what is known of the excitation as JSON, SI units; the CSV file is written all the same.
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
     /// Print every control period as CSV and write no CSV file.
     #[arg(long)]
     csv: bool,
@@ -72,8 +78,8 @@ impl From<Signal> for excite::Signal {
 }
 
 impl ExciteCommand {
-    pub(super) fn run(self) -> Result<()> {
-        let drive = Drive::load(self.drive.as_deref())?;
+    pub(super) fn run(self, quiet: bool) -> Result<()> {
+        let drive = self.drive.load()?;
         let plan = ExcitationPlan::new(
             &drive,
             &ExcitationRequest {
@@ -86,8 +92,7 @@ impl ExciteCommand {
                 repetitions: self.repeat,
             },
         )?;
-        let name = self.drive.as_ref().and_then(|path| path.file_name());
-        let origin = name.map_or(DEFAULT_NAME.into(), |name| name.to_string_lossy());
+        let origin = self.drive.name();
         if let Some(path) = &self.rust {
             write_file(path, excitation_file(&plan, &drive, &origin).as_bytes())?;
         }
@@ -100,14 +105,26 @@ impl ExciteCommand {
                 significant(current, 3)
             );
         }
+        if let Some(path) = &self.plot {
+            write_file(path, excitation::plot(&plan, &drive)?.as_bytes())?;
+        }
         if self.csv {
             return print(&excitation::csv(&plan));
         }
         let path = self.out.join("excitation.csv");
         write_file(&path, excitation::csv(&plan).as_bytes())?;
+        if self.json {
+            return print(&format!("{:#}\n", excitation::json(&plan, &drive)));
+        }
+        if quiet {
+            return Ok(());
+        }
         let mut text = format!("drive: {origin}\n{}", excitation::summary(&plan, &drive));
         if let Some(path) = &self.rust {
             text += &format!("Rust source: {}\n", path.display());
+        }
+        if let Some(path) = &self.plot {
+            text += &format!("plot: {}\n", path.display());
         }
         text += &format!("CSV of every control period: {}\n", path.display());
         print(&text)

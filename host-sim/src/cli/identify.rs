@@ -1,5 +1,6 @@
 //! `host-sim identify`: masses, springs and friction from a log.
 
+use super::progress::Progress;
 use crate::drive::{DEFAULT_DRIVE, Drive};
 use crate::error::{Error, Result};
 use crate::identify::{Experiment, Log, Parameters, drive_file, identify};
@@ -33,7 +34,7 @@ pub(super) struct IdentifyCommand {
     /// Where the plot goes.
     #[arg(long, value_name = "DIR", default_value = "target/host-sim")]
     out: PathBuf,
-    /// Print the figures as JSON, SI units, and draw nothing.
+    /// Print the figures as JSON, SI units; the plot is drawn all the same.
     #[arg(long)]
     json: bool,
 }
@@ -49,7 +50,7 @@ enum RunKind {
 }
 
 impl IdentifyCommand {
-    pub(super) fn run(self) -> Result<()> {
+    pub(super) fn run(self, quiet: bool) -> Result<()> {
         let text = match &self.drive {
             None => DEFAULT_DRIVE.to_owned(),
             Some(path) => std::fs::read_to_string(path).map_err(|source| Error::Read {
@@ -70,18 +71,26 @@ impl IdentifyCommand {
         };
         let parameters = Parameters::new(&drive, experiment, &hold)?;
         let log = Log::load(&self.log, &drive)?;
-        let result = identify(&drive, &log, &parameters)?;
+        let result = {
+            let progress = Progress::new(quiet);
+            identify(&drive, &log, &parameters, &|done, of, what| {
+                progress.step(done, of, what);
+            })?
+        };
         if let Some(path) = &self.toml {
             write_file(path, drive_file(&text, &result.quantities)?.as_bytes())?;
-        }
-        if self.json {
-            return print(&format!("{:#}\n", identification::json(&drive, &result)));
         }
         let plot = self.out.join("identification.svg");
         write_file(
             &plot,
             identification::plot(&drive, &result, experiment)?.as_bytes(),
         )?;
+        if self.json {
+            return print(&format!("{:#}\n", identification::json(&drive, &result)));
+        }
+        if quiet {
+            return Ok(());
+        }
         let mut text = identification::table(&drive, &result);
         text += &format!("Residuals: {}\n", plot.display());
         if let Some(path) = &self.toml {

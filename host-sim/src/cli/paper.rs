@@ -15,10 +15,13 @@ pub(super) struct PaperCommand {
 }
 
 impl PaperCommand {
-    pub(super) fn run(self) -> Result<()> {
+    pub(super) fn run(self, quiet: bool) -> Result<()> {
         let grid = grid()?;
         if self.json {
             return print(&format!("{:#}\n", paper::json(&grid)));
+        }
+        if quiet {
+            return Ok(());
         }
         print(&paper::tables(&grid))
     }

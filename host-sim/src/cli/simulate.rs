@@ -1,11 +1,13 @@
 //! `host-sim simulate`: experiments in closed loop, the core beside feedback of the true state.
 
+use super::drive_argument::DriveArgument;
+use super::progress::Progress;
 use crate::design::Design;
 use crate::design::assessment::require_sound;
-use crate::drive::{DEFAULT_NAME, Drive, PlantFile};
+use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::output::{print, write_file};
-use crate::report::{csv::csv, design, experiments, plot::plot};
+use crate::report::{csv::csv, design, experiments, run};
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{SCENARIOS, Scenario, of_the_paper};
 use crate::simulate::watch::watched;
@@ -17,8 +19,8 @@ use std::path::PathBuf;
 /// Simulate experiments on a drive.
 #[derive(Debug, Args)]
 pub(super) struct Simulate {
-    /// Description of the drive; the paper's rig when not given.
-    drive: Option<PathBuf>,
+    #[command(flatten)]
+    drive: DriveArgument,
     /// Experiment to simulate, may be given several times; the paper's four when not given.
     #[arg(long, value_name = "NAME", value_parser = scenario_names())]
     scenario: Vec<String>,
@@ -56,8 +58,8 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl Simulate {
-    pub(super) fn run(self) -> Result<()> {
-        let drive = Drive::load(self.drive.as_deref())?;
+    pub(super) fn run(self, quiet: bool) -> Result<()> {
+        let drive = self.drive.load()?;
         let plant = match &self.plant {
             None => PlantFile::from(&drive),
             Some(path) => PlantFile::load(path)?,
@@ -98,14 +100,16 @@ impl Simulate {
 
         let mut runs: Vec<(Run, Metrics)> = Vec::new();
         let mut files = Vec::new();
-        for scenario in scenarios {
+        let progress = Progress::new(quiet);
+        for (done, scenario) in scenarios.iter().enumerate() {
+            progress.step(done, scenarios.len(), scenario.name);
             let of = |law| watched(&design, &plant, scenario, law, self.duration);
             let ((core, metrics), (bound, metrics_of_bound)) =
                 (of(Law::Core)?, of(Law::FullState)?);
             for (name, content) in [
                 (
                     format!("{}.svg", scenario.name),
-                    plot(&core, &bound)?.into_bytes(),
+                    run::plot(&core, &bound, drive.actuator.current_limit)?.into_bytes(),
                 ),
                 (format!("{}.csv", scenario.name), csv(&core)?),
                 (format!("{}-full-state.csv", scenario.name), csv(&bound)?),
@@ -116,18 +120,14 @@ impl Simulate {
             }
             runs.extend([(core, metrics), (bound, metrics_of_bound)]);
         }
+        drop(progress);
         if self.json {
             let json = experiments::json(&design, &runs, &files);
             print(&format!("{json:#}\n"))?;
-        } else {
-            let shown =
-                |path: &Option<PathBuf>| path.as_ref().map(|path| path.display().to_string());
-            let mut text = format!(
-                "drive: {}",
-                shown(&self.drive).unwrap_or(DEFAULT_NAME.into())
-            );
-            if let Some(plant) = shown(&self.plant) {
-                text += &format!(", plant: {plant}");
+        } else if !quiet {
+            let mut text = format!("drive: {}", self.drive.shown());
+            if let Some(plant) = &self.plant {
+                text += &format!(", plant: {}", plant.display());
             }
             text += &format!("\n{}\n", design::tables(&design)?);
             text += &experiments::tables(&design, &runs);

@@ -49,6 +49,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         velocity_gain,
         ..
     } = design.drive.kind.units();
+    let kind = design.drive.kind.name();
     let mut text = String::new();
     // Writing to a string cannot fail.
     let _ = write!(
@@ -65,6 +66,9 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          use arso_core::observer::{{{name}, LinearObserver}};\n\
          use arso_core::protection::ProtectionLimits;\n\
          use arso_core::regulator::{{MassGain, Regulator}};\n\
+         \n\
+         /// Linear or rotary: which units all numbers are in.\n\
+         pub const KIND: &str = \"{kind}\";\n\
          \n\
          /// Number of load masses.\n\
          pub const LOADS: usize = {N};\n\

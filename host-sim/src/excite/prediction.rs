@@ -62,3 +62,16 @@ impl Prediction {
         Ok(travel)
     }
 }
+
+/// Position of the actuator after each control period, with the friction of the drive file, m.
+///
+/// # Errors
+/// When its motion is no longer finite.
+pub(super) fn motion(drive: &Drive, plan: &ExcitationPlan) -> Result<Vec<f64>> {
+    let mut plant = Plant::new(&PlantFile::from(drive), plan.sample_time);
+    let positions = plan.currents().map(|current| {
+        plant.advance(current.into())?;
+        Ok(plant.state()[0])
+    });
+    positions.collect()
+}

@@ -8,6 +8,7 @@ use super::predict::{Noise, innovations};
 use super::{Log, Machine, Parameters};
 use crate::drive::Drive;
 use crate::error::{Error, Result};
+use crate::output::Progress;
 use nalgebra::DMatrix;
 
 /// How far the densities of noise may be from their first guess, as logarithms.
@@ -84,20 +85,25 @@ pub(super) fn estimate(
     log: &Log,
     parameters: &Parameters,
     starts: &[Machine],
+    progress: &Progress<'_>,
 ) -> Result<Estimate> {
     let residuals = Residuals::new(drive, parameters);
     let beginning = log.beginning(BEGINNING);
     let first = |x: &[f64]| Some(residuals.of(&beginning, x));
     let all = |x: &[f64]| Some(residuals.of(log, x));
+    let fits = starts.len() + 1;
     let best = starts
         .iter()
-        .map(|machine| {
+        .enumerate()
+        .map(|(done, machine)| {
+            progress(done, fits, "first fits");
             let mut start = parameters.coordinates(machine);
             start.extend([0.0; 3]);
             fit(&first, &start, 1e-3)
         })
         .filter(|fit| fit.cost.is_finite())
         .min_by(|a, b| a.cost.total_cmp(&b.cost))
+        .inspect(|_| progress(starts.len(), fits, "fit to the whole log"))
         .map(|start| fit(&all, &start.coordinates, 1e-7))
         .filter(|fit| fit.cost.is_finite());
     let failed = || Error::Identification("no machine of this structure explains the log".into());

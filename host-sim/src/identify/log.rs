@@ -1,5 +1,6 @@
 //! The log that is identified from: a CSV with `time[s]`, `count[1]` and `applied_current[A]`, one row per
-//! control period, as `simulate --csv` and `capture` write it.
+//! control period, as `simulate --csv` and `capture` write it, or as a spreadsheet saves that: separated by
+//! semicolons or tabs, with decimal commas, with a byte-order mark.
 //!
 //! `count` is the encoder at `time`, `applied_current` the current over the period that ends then. Other
 //! columns are ignored but one: where a `mode[name]` (`state[name]` in older
@@ -168,11 +169,48 @@ impl Log {
     }
 }
 
+/// The text of a log without what spreadsheets put before it, and what separates its fields: the one of
+/// comma, semicolon and tab that is most in the header.
+fn separated(mut text: impl Read) -> std::result::Result<(String, u8, u64), String> {
+    let mut bytes = Vec::new();
+    text.read_to_end(&mut bytes)
+        .map_err(|problem| format!("cannot be read: {problem}"))?;
+    if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
+        return Err("is text in UTF-16: save it as CSV in UTF-8".into());
+    }
+    let text = String::from_utf8(bytes).map_err(|_| "is no CSV: it is not text in UTF-8")?;
+    let mut text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    let mut skipped = 0;
+    // The line by which a spreadsheet is told the separator.
+    if text.to_ascii_lowercase().starts_with("sep=") {
+        text = text.split_once('\n').map_or("", |(_, rest)| rest);
+        skipped = 1;
+    }
+    let header = text.lines().next().unwrap_or("");
+    let count = |separator: &u8| header.bytes().filter(|byte| byte == separator).count();
+    // The last of equals is taken.
+    let separator = [b'\t', b';', b','].into_iter().max_by_key(count);
+    Ok((text.to_owned(), separator.unwrap_or(b','), skipped))
+}
+
+/// A number; with a comma for its point where fields are separated by something else.
+fn number(text: &str, separator: u8) -> Option<f64> {
+    let comma = separator != b',' && !text.contains('.') && text.matches(',').count() == 1;
+    let number = if comma {
+        text.replace(',', ".").parse::<f64>()
+    } else {
+        text.parse::<f64>()
+    };
+    number.ok().filter(|value| value.is_finite())
+}
+
 fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Result<Vec<Row>> {
+    let (text, separator, skipped) = separated(text).map_err(|problem| error(None, problem))?;
     let mut reader = csv::ReaderBuilder::new()
+        .delimiter(separator)
         .flexible(true)
         .trim(csv::Trim::All)
-        .from_reader(text);
+        .from_reader(text.as_bytes());
     let header = reader
         .headers()
         .map_err(|problem| error(None, format!("is no CSV: {problem}")))?
@@ -191,16 +229,27 @@ fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Res
     let mut rows = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|problem| error(None, format!("is no CSV: {problem}")))?;
-        let line = record.position().map_or(0, |at| at.line() as usize);
+        let line = record
+            .position()
+            .map_or(0, |at| (at.line() + skipped) as usize);
+        if record.len() > header.len() {
+            let mut message = format!(
+                "has {} fields where the header has {}",
+                record.len(),
+                header.len()
+            );
+            if separator == b',' {
+                message +=
+                    ": where numbers have a decimal comma, fields must be separated by ; or tab";
+            }
+            return Err(error(Some(line), message));
+        }
         let number = |index: usize| {
             let text = record.get(columns[index]).unwrap_or("");
-            text.parse::<f64>()
-                .ok()
-                .filter(|value| value.is_finite())
-                .ok_or_else(|| {
-                    let message = format!("{} = \"{text}\": must be a number", COLUMNS[index]);
-                    error(Some(line), message)
-                })
+            number(text, separator).ok_or_else(|| {
+                let message = format!("{} = \"{text}\": must be a number", COLUMNS[index]);
+                error(Some(line), message)
+            })
         };
         let count = number(1)?;
         if count.fract() != 0.0 || count.abs() > f64::from(u32::MAX) {
@@ -271,6 +320,41 @@ fn unwrapped(rows: &[Row], bits: u32) -> std::result::Result<Vec<i64>, (usize, i
 mod tests {
     use super::*;
     use std::fmt::Write;
+
+    /// What spreadsheets make of a log is the same log; what cannot be told apart is refused by name.
+    #[test]
+    fn spreadsheets_are_read() {
+        let drive = Drive::default_drive();
+        let mut plain = "time[s],count[1],applied_current[A]\n".to_owned();
+        for k in 0..400 {
+            let time = f64::from(k) * 1e-3;
+            let count = (40_000.0 * (3.0 * time).sin().powi(4)) as i64;
+            let current = if k > 0 { (5.0 * time).cos() } else { 0.0 };
+            let _ = writeln!(plain, "{time:.3},{count},{current:.6}");
+        }
+        let parse = |text: &str| Log::parse(text.as_bytes(), "log", &drive);
+        let expected = parse(&plain).unwrap();
+        let semicolons = plain.replace(',', ";");
+        for text in [
+            format!("\u{feff}{plain}"),
+            semicolons.clone(),
+            semicolons.replace('.', ","),
+            plain.replace(',', "\t"),
+            plain.replace(',', "\t").replace('.', ","),
+            format!("sep=;\r\n{}", semicolons.replace('\n', "\r\n")),
+        ] {
+            assert_eq!(parse(&text).unwrap(), expected, "{}", &text[..80]);
+        }
+        let commas = plain.replace('.', ",");
+        let error = parse(&commas).unwrap_err().to_string();
+        assert!(error.contains("log:2: has 5 fields"), "{error}");
+        assert!(error.contains("decimal comma"), "{error}");
+        let wide: Vec<u8> = [0xFF, 0xFE].into_iter().chain(plain.bytes()).collect();
+        let error = Log::parse(&wide[..], "log", &drive)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("UTF-16"), "{error}");
+    }
 
     /// A rest before the motion and a day after it change nothing.
     #[test]

@@ -1,9 +1,11 @@
 //! The drive beside its rivals: a table of all laws on all plants, what they were tuned to, and JSON.
 
+use super::plot::{Panel, Series, panels};
 use super::settled::settled;
 use crate::chain::controlled_mass;
 use crate::compare::{Outcome, Row, Tuning, duration};
 use crate::design::Design;
+use crate::error::Result;
 use crate::machine::Units;
 use comfy_table::{Table, presets};
 use serde_json::json;
@@ -27,6 +29,60 @@ pub fn text(design: &Design, rows: &[Row]) -> String {
         units.micro_position,
         table(rows, mass, units),
         tunings(rows, units),
+    )
+}
+
+/// Settling time and overshoot of every law on every plant, a row for each plant, as SVG. What does not settle
+/// or fails stands at the right edge.
+///
+/// # Errors
+/// [`Error::Report`](crate::error::Error::Report) when the drawing cannot be made.
+pub fn plot(design: &Design, rows: &[Row]) -> Result<String> {
+    let cases = rows.first().into_iter().flat_map(|row| &row.outcomes);
+    let cases: Vec<String> = cases.map(|outcome| outcome.case.clone()).collect();
+    let settled = |outcome: &Outcome| {
+        let metrics = outcome.metrics.as_ref()?;
+        metrics.settling_time.map(|time| 1e3 * time)
+    };
+    let overshoot = |outcome: &Outcome| {
+        let metrics = outcome.metrics.as_ref()?;
+        metrics.settling_time.map(|_| metrics.overshoot)
+    };
+    let dots = |value: &dyn Fn(&Outcome) -> Option<f64>| -> Vec<Series> {
+        let all = rows.iter().flat_map(|row| &row.outcomes);
+        let edge = 1.1 * all.filter_map(value).fold(0.0, f64::max);
+        let each = rows.iter().enumerate().map(|(law, row)| {
+            // Laws beside each other, so that none hides another.
+            let aside = 0.09 * (law as f64 - (rows.len() - 1) as f64 / 2.0);
+            let points = row.outcomes.iter().enumerate();
+            let points = points
+                .map(|(case, outcome)| (value(outcome).unwrap_or(edge), -(case as f64) - aside));
+            Series::dots(row.law, law, points.collect())
+        });
+        each.collect()
+    };
+    let mass = controlled_mass(design.loads());
+    let panel = |caption, title, series| Panel {
+        caption,
+        axes: (title, ""),
+        series,
+        rows: cases.clone(),
+        ..Panel::default()
+    };
+    panels(
+        &format!("step of 30 {}", design.drive.kind.units().milli_position),
+        &[
+            panel(
+                &format!("settling of mass {mass} to 2 % (right edge: does not settle)"),
+                "settling time [ms]",
+                dots(&settled),
+            ),
+            panel(
+                &format!("overshoot of mass {mass} (right edge: does not settle)"),
+                "overshoot [%]",
+                dots(&overshoot),
+            ),
+        ],
     )
 }
 

@@ -7,6 +7,7 @@ use crate::design::checks::{Check, Verdict};
 use crate::design::protection::Protection;
 use crate::error::Result;
 use crate::output::significant;
+use crate::simulate::corridor::fingerprint;
 use comfy_table::Cell;
 use nalgebra::{Complex, DMatrix};
 use serde_json::json;
@@ -107,6 +108,11 @@ pub fn tables(design: &Design) -> Result<String> {
         slowest(design.regulator_poles()?),
         design.drive.control.observer.name(),
         slowest(design.observer_poles()?),
+    );
+    let _ = writeln!(
+        text,
+        "fingerprint of the settings, as the log has it: {:08x}",
+        fingerprint(design)?
     );
     Ok(text)
 }
@@ -210,6 +216,7 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
     let observer = &design.observer;
     Ok(json!({
         "kind": design.drive.kind,
+        "fingerprint": fingerprint(design)?,
         "a": rows(&design.chain.a()),
         "b": design.chain.b().as_slice(),
         "ad": rows(&design.ad),

@@ -1,9 +1,12 @@
-//! An excitation: what it does in a few lines, and every control period as CSV.
+//! An excitation: what it does in a few lines, as JSON and as a plot, and every control period as CSV.
 
+use super::plot::{Panel, Series, panels};
 use super::time;
 use crate::drive::Drive;
+use crate::error::Result;
 use crate::excite::ExcitationPlan;
 use crate::output::significant;
+use serde_json::json;
 use std::fmt::Write;
 
 /// One row per control period of all repetitions; the current is held from the row's time to the
@@ -46,6 +49,89 @@ pub fn summary(plan: &ExcitationPlan, drive: &Drive) -> String {
         significant(1e3 * prediction.speed, 3),
         significant(1e3 * prediction.stretch, 5),
         prediction.spring,
+    )
+}
+
+/// The same and more for JSON, SI units.
+#[must_use]
+pub fn json(plan: &ExcitationPlan, drive: &Drive) -> serde_json::Value {
+    let prediction = &plan.prediction;
+    json!({
+        "kind": drive.kind,
+        "signal": plan.signal.name(),
+        "sample_time": plan.sample_time,
+        "band_hz": plan.band(),
+        "lines": plan.lines.len(),
+        "period": plan.period(),
+        "repetitions": plan.repetitions,
+        "duration": plan.duration(),
+        "peak_current": plan.peak(),
+        "rms_current": plan.rms(),
+        "travel_allowed": plan.travel,
+        "predicted": {
+            "travel": prediction.travel,
+            "travel_with_friction": prediction.with_friction,
+            "speed": prediction.speed,
+            "stretch": prediction.stretch,
+            "stretched_spring": prediction.spring,
+        },
+    })
+}
+
+/// Current, its spectrum, and the motion that is predicted, as SVG.
+///
+/// # Errors
+/// [`Error::Simulation`](crate::error::Error::Simulation) when the predicted motion is not finite,
+/// [`Error::Report`](crate::error::Error::Report) when the drawing cannot be made.
+pub fn plot(plan: &ExcitationPlan, drive: &Drive) -> Result<String> {
+    let units = drive.kind.units();
+    let over = "time [s]";
+    let at = |k: usize| k as f64 * plan.sample_time;
+    let once = plan.currents().take(plan.table.len()).enumerate();
+    let once = once.map(|(k, current)| (at(k), f64::from(current)));
+    let limit = drive.actuator.current_limit;
+    let mut current = Series::bounds("limit", &[-limit, limit], (0.0, plan.period()));
+    current.push(Series::line("current", 1, once.collect()));
+
+    let amplitudes = plan.amplitudes().into_iter().enumerate().skip(1);
+    let spectrum: Vec<(f64, f64)> = amplitudes
+        .map(|(line, amplitude)| (line as f64 / plan.period(), amplitude))
+        .filter(|(frequency, _)| *frequency <= 1.5 * plan.band()[1])
+        .collect();
+    let spectrum = vec![Series::dots("lines", 2, spectrum)];
+
+    let motion = plan.motion(drive)?.into_iter().enumerate();
+    let motion = motion.map(|(k, position)| (at(k), 1e3 * position));
+    let travel = 1e3 * plan.travel;
+    let mut way = Series::bounds(
+        "amplifier off beyond",
+        &[-travel, travel],
+        (0.0, plan.duration()),
+    );
+    way.push(Series::line("actuator", 3, motion.collect()));
+    let position = format!("position [{}]", units.milli_position);
+    panels(
+        &format!("excitation: {}", plan.signal.name()),
+        &[
+            Panel {
+                caption: "current, one period of it",
+                axes: (over, "current [A]"),
+                series: current,
+                ..Panel::default()
+            },
+            Panel {
+                caption: "its spectrum",
+                axes: ("frequency [Hz]", "amplitude [A]"),
+                series: spectrum,
+                ..Panel::default()
+            },
+            Panel {
+                caption: "motion as the drive file predicts it, with its friction",
+                axes: (over, &position),
+                series: way,
+                ..Panel::default()
+            },
+        ],
     )
 }
 

@@ -31,7 +31,7 @@ pub fn plot(design: &Design) -> Result<String> {
                 } else {
                     format!("load {mass}")
                 };
-                (name, points.collect())
+                Series::line(name, mass, points.collect())
             })
             .collect()
     };
@@ -47,16 +47,19 @@ pub fn plot(design: &Design) -> Result<String> {
                 caption: "position gains",
                 axes: (over, &format!("K [{}]", units.position_gain)),
                 series: series(0),
+                ..Panel::default()
             },
             Panel {
                 caption: "velocity gains",
                 axes: (over, &format!("K [{}]", units.velocity_gain)),
                 series: series(1),
+                ..Panel::default()
             },
             Panel {
                 caption: "distance from the gain they tend to",
                 axes: (over, "log10"),
-                series: vec![("relative".into(), distance.collect())],
+                series: vec![Series::line("relative", 1, distance.collect())],
+                ..Panel::default()
             },
         ],
     )

@@ -10,9 +10,6 @@ use serde::Serialize;
 use serde_json::json;
 use std::collections::BTreeMap;
 
-/// Points per line that a plot can show.
-const POINTS: usize = 2000;
-
 /// A quantity in JSON.
 #[derive(Clone, Debug, Serialize)]
 struct Entry {
@@ -104,28 +101,31 @@ pub fn plot(
 ) -> Result<String> {
     let period = drive.control.sample_time;
     let units = drive.kind.units();
-    let every = identification.fitted.len().div_ceil(POINTS).max(1);
     let line = |values: &mut dyn Iterator<Item = f64>| -> Vec<(f64, f64)> {
-        let timed = values.enumerate().step_by(every);
+        let timed = values.enumerate();
         timed.map(|(k, value)| (k as f64 * period, value)).collect()
     };
     let motion: Vec<Series> = vec![
-        (
-            "measured".into(),
+        Series::line(
+            "measured",
+            0,
             line(&mut identification.fitted.iter().map(|pair| 1e3 * pair.0)),
         ),
-        (
-            "simulated".into(),
+        Series::line(
+            "simulated",
+            1,
             line(&mut identification.fitted.iter().map(|pair| 1e3 * pair.1)),
         ),
     ];
-    let innovations = vec![(
-        "innovation".into(),
+    let innovations = vec![Series::line(
+        "innovation",
+        0,
         line(&mut identification.innovations.iter().map(|e| 1e6 * e)),
     )];
     let correlation = identification.correlation.iter().enumerate().skip(1);
-    let correlation = vec![(
-        "correlation".into(),
+    let correlation = vec![Series::line(
+        "correlation",
+        0,
         correlation
             .map(|(lag, value)| (lag as f64 * period, *value))
             .collect(),
@@ -138,16 +138,19 @@ pub fn plot(
             caption: "motion, slow part left out",
             axes: ("time [s]", &position),
             series: motion,
+            ..Panel::default()
         },
         Panel {
             caption: "residual",
             axes: ("time [s]", &small),
             series: innovations,
+            ..Panel::default()
         },
         Panel {
             caption: "correlation of the residual",
             axes: ("lag [s]", "1"),
             series: correlation,
+            ..Panel::default()
         },
     ];
     if experiment == Experiment::Excitation {
@@ -156,15 +159,17 @@ pub fn plot(
         let decibel = |magnitude: f64| 20.0 * magnitude.log10();
         let points = &identification.response;
         let response = vec![
-            (
-                "measured".to_owned(),
+            Series::line(
+                "measured",
+                0,
                 points
                     .iter()
                     .map(|point| (hz(point.omega), decibel(point.response.norm())))
                     .collect::<Vec<_>>(),
             ),
-            (
-                "model".to_owned(),
+            Series::line(
+                "model",
+                1,
                 points
                     .iter()
                     .map(|point| {
@@ -178,6 +183,7 @@ pub fn plot(
             caption: "acceleration over current",
             axes: ("frequency [Hz]", &ratio),
             series: response,
+            ..Panel::default()
         });
     }
     panels("identification", &content)

@@ -12,6 +12,7 @@ use crate::simulate::corridor::Record;
 use arso_core::Mode;
 use arso_core::telemetry::{Column, Quantity};
 use comfy_table::{Cell, CellAlignment, Table, presets};
+use serde_json::json;
 use std::collections::BTreeMap;
 
 /// Whether a column of a record means something.
@@ -47,10 +48,49 @@ fn text(column: &Column, value: f64) -> String {
     }
 }
 
-/// Time of a record from the first one on, s.
-fn time(capture: &Capture, record: &Record, period: f64) -> f64 {
-    let first = capture.records.first().map_or(0, |record| record.period);
-    super::time(f64::from(record.period.wrapping_sub(first)) * period)
+/// How many control periods the drive was in which mode.
+fn modes(capture: &Capture) -> BTreeMap<String, u32> {
+    let mut modes = BTreeMap::new();
+    for record in &capture.records {
+        *modes.entry(format!("{:?}", record.mode)).or_default() += 1;
+    }
+    modes
+}
+
+/// Least, greatest and last value of a column.
+fn range(capture: &Capture, column: &Column) -> [f64; 3] {
+    let values = capture.records.iter();
+    let values = values.filter_map(|record| value(record, column));
+    values.fold([f64::MAX, f64::MIN, 0.0], |[least, greatest, _], value| {
+        [least.min(value), greatest.max(value), value]
+    })
+}
+
+/// What the table holds for JSON, SI units, and what the drive said.
+#[must_use]
+pub fn json(capture: &Capture, period: f64, kind: Kind) -> serde_json::Value {
+    let columns = shown(capture).into_iter().map(|column| {
+        let [least, greatest, last] = range(capture, &column);
+        let title = columns::title(kind.units(), &column);
+        let range = json!({ "least": least, "greatest": greatest, "last": last });
+        (title, range)
+    });
+    let modes = modes(capture).into_iter();
+    let modes: BTreeMap<String, f64> = modes
+        .map(|(mode, count)| (mode, f64::from(count) * period))
+        .collect();
+    json!({
+        "kind": kind,
+        "sample_time": period,
+        "drives": capture.origins,
+        "control_periods": capture.records.len(),
+        "lost": capture.lost,
+        "damaged": capture.malformed,
+        "resets": capture.restarts.len(),
+        "mode_durations": modes,
+        "columns": columns.collect::<serde_json::Map<_, _>>(),
+        "messages": capture.messages,
+    })
 }
 
 /// One row per record.
@@ -68,9 +108,9 @@ pub fn csv(capture: &Capture, period: f64, kind: Kind) -> Result<Vec<u8>> {
     writer
         .write_record(header.into_iter().chain(titles))
         .map_err(|e| failed(e.to_string()))?;
-    for record in &capture.records {
+    for (record, time) in capture.records.iter().zip(capture.times(period)) {
         let mut row = vec![
-            time(capture, record, period).to_string(),
+            super::time(time).to_string(),
             record.period.to_string(),
             format!("{:?}", record.mode),
         ];
@@ -87,28 +127,18 @@ pub fn csv(capture: &Capture, period: f64, kind: Kind) -> Result<Vec<u8>> {
 /// How long the drive was in which mode, and the range of every quantity.
 #[must_use]
 pub fn table(capture: &Capture, period: f64, kind: Kind) -> String {
-    let mut modes: BTreeMap<String, u32> = BTreeMap::new();
-    for record in &capture.records {
-        *modes.entry(format!("{:?}", record.mode)).or_default() += 1;
-    }
+    let modes = modes(capture);
     let mut table = Table::new();
     table.load_style(presets::ASCII_MARKDOWN);
     table.set_header(["quantity", "least", "greatest", "last"]);
     let right = |value: f64| Cell::new(format!("{value:.6}")).set_alignment(CellAlignment::Right);
     for column in shown(capture) {
-        let mut range = (f64::MAX, f64::MIN, 0.0);
-        for value in capture
-            .records
-            .iter()
-            .filter_map(|record| value(record, &column))
-        {
-            range = (f64::min(range.0, value), f64::max(range.1, value), value);
-        }
+        let [least, greatest, last] = range(capture, &column);
         table.add_row([
             Cell::new(columns::title(kind.units(), &column)),
-            right(range.0),
-            right(range.1),
-            right(range.2),
+            right(least),
+            right(greatest),
+            right(last),
         ]);
     }
     let modes = modes
@@ -129,14 +159,16 @@ pub fn table(capture: &Capture, period: f64, kind: Kind) -> String {
 /// [`Error::Simulation`] when the drawing cannot be made.
 pub fn plot(capture: &Capture, period: f64, kind: Kind) -> Result<String> {
     let shown = shown(capture);
+    let times = capture.times(period);
     let series = |wanted: &dyn Fn(&Column) -> bool, scale: f64| -> Vec<Series> {
         let wanted = shown.iter().filter(|column| wanted(column));
-        let series = wanted.map(|column| {
-            let points = capture.records.iter().filter_map(|record| {
+        let series = wanted.enumerate().map(|(colour, column)| {
+            let points = capture.records.iter().zip(&times);
+            let points = points.filter_map(|(record, time)| {
                 let value = value(record, column)?;
-                Some((time(capture, record, period), scale * value))
+                Some((*time, scale * value))
             });
-            (columns::name(column), points.collect())
+            Series::line(columns::name(column), colour, points.collect())
         });
         series.collect()
     };
@@ -149,21 +181,25 @@ pub fn plot(capture: &Capture, period: f64, kind: Kind) -> Result<String> {
                 caption: "motion as estimated",
                 axes: (over, &format!("position [{}]", units.milli_position)),
                 series: series(&|column| column.quantity == Quantity::Position, 1e3),
+                ..Panel::default()
             },
             Panel {
                 caption: "current",
                 axes: (over, "current [A]"),
                 series: series(&|column| column.name == "command", 1.0),
+                ..Panel::default()
             },
             Panel {
                 caption: "forces",
                 axes: (over, &format!("force [{}]", units.force)),
                 series: series(&|column| column.quantity == Quantity::Force, 1.0),
+                ..Panel::default()
             },
             Panel {
                 caption: "control interrupt",
                 axes: (over, "processor cycles"),
                 series: series(&|column| column.name == "cycles", 1.0),
+                ..Panel::default()
             },
         ],
     )

@@ -1,13 +1,19 @@
-//! One plot per experiment: time history, current, and the phase portraits of the first and the
-//! second mass as the paper draws them.
+//! Drawing: panels of lines or dots, two in a row, each with its legend above it, as SVG.
 
-use crate::chain::controlled_mass;
+use super::lines::{Points, cut, span, thinned};
 use crate::error::{Error, Result};
-use crate::simulate::Run;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-const SIZE: (u32, u32) = (1200, 840);
+/// Size of a panel, of the title over all of them, and of what is above a panel's chart, in pixels.
+const PANEL: (u32, u32) = (620, 400);
+const TITLE: u32 = 36;
+const CAPTION: i32 = 26;
+const LEGEND: i32 = 18;
+/// Width of a letter of the legend and of the stroke beside it, in pixels, on the safe side.
+const LETTER: i32 = 7;
+const STROKE: i32 = 18;
+
 const COLOURS: [RGBColor; 7] = [
     RGBColor(90, 90, 90),
     RGBColor(214, 39, 40),
@@ -17,115 +23,82 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(255, 127, 14),
     RGBColor(23, 190, 207),
 ];
-const BOUND: RGBColor = RGBColor(170, 170, 170);
+const GREY: RGBColor = RGBColor(170, 170, 170);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Line = Vec<(f64, f64)>;
+type Failure = Box<dyn std::error::Error>;
 
-/// Draws the core's run with the full-state bound behind it, as SVG.
-///
-/// # Errors
-/// [`Error::Report`] when the drawing cannot be made.
-pub fn plot(core: &Run, bound: &Run) -> Result<String> {
-    let mut svg = String::new();
-    draw(&mut svg, core, bound)
-        .map_err(|error| Error::Report(format!("its plot cannot be drawn: {error}")))?;
-    Ok(svg)
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Style {
+    Line,
+    Dashed,
+    Dots,
 }
 
-fn draw(
-    svg: &mut String,
-    core: &Run,
-    bound: &Run,
-) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
-    let title = format!("{}: {}", core.scenario.name, core.scenario.title(core.kind));
-    let units = core.kind.units();
-    let position = format!("position [{}]", units.milli_position);
-    let velocity = format!("velocity [{}]", units.velocity);
-    let root = root.titled(&title, ("sans-serif", 22))?;
-    let panels = root.split_evenly((2, 2));
-    let masses = core
-        .samples
-        .first()
-        .map_or(0, |sample| sample.truth.len() / 2);
+/// What belongs together in a panel: a line, or dots.
+#[derive(Clone, Debug)]
+pub struct Series {
+    name: String,
+    points: Points,
+    style: Style,
+    /// One of [`COLOURS`]; grey where there is none.
+    colour: Option<usize>,
+}
 
-    let mut history = Vec::new();
-    let mut estimates = Vec::new();
-    for mass in 0..masses {
-        let name = if mass == 0 {
-            "x_a".into()
-        } else {
-            format!("x_{mass}")
-        };
-        history.push((
-            name,
-            COLOURS[mass % COLOURS.len()],
-            time_series(core, |s| 1e3 * s.truth[2 * mass]),
-        ));
-        if mass > 0 {
-            let line = core.samples.iter().filter_map(|s| {
-                let position = s.record.as_ref()?.load_position.get(mass - 1)?;
-                Some((s.time, 1e3 * f64::from(*position)))
-            });
-            estimates.push((COLOURS[mass % COLOURS.len()], line.collect::<Line>()));
+impl Series {
+    /// A line.
+    ///
+    /// * `colour`: any number; the same number is the same colour
+    #[must_use]
+    pub fn line(name: impl Into<String>, colour: usize, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name: name.into(),
+            points,
+            style: Style::Line,
+            colour: Some(colour % COLOURS.len()),
         }
     }
-    history.push((
-        "reference".into(),
-        BLACK,
-        time_series(core, |s| 1e3 * s.reference),
-    ));
-    lines(
-        &panels[0],
-        "motion (dots: estimate)",
-        "time [s]",
-        &position,
-        &history,
-        &estimates,
-    )?;
 
-    let current = [
-        (
-            "full state".into(),
-            BOUND,
-            time_series(bound, |s| s.command),
-        ),
-        ("drive".into(), COLOURS[1], time_series(core, |s| s.command)),
-    ];
-    lines(
-        &panels[1],
-        "current",
-        "time [s]",
-        "current [A]",
-        &current,
-        &[],
-    )?;
-
-    let second = controlled_mass(masses.saturating_sub(1));
-    for (panel, mass) in panels[2..].iter().zip([1, second]) {
-        let portrait = |run: &Run| -> Line {
-            run.samples
-                .iter()
-                .map(|s| (1e3 * s.truth[2 * mass], s.truth[2 * mass + 1]))
-                .collect()
-        };
-        let series = [
-            ("full state".into(), BOUND, portrait(bound)),
-            ("drive".into(), COLOURS[mass], portrait(core)),
-        ];
-        let caption = format!("phase portrait of mass {mass}");
-        lines(panel, &caption, &position, &velocity, &series, &[])?;
+    /// A grey line, to compare with.
+    #[must_use]
+    pub fn behind(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            colour: None,
+            ..Self::line(name, 0, points)
+        }
     }
-    root.present()?;
-    Ok(())
+
+    /// Dashed lines at some heights: a limit, or the edges of a band. They need not be seen whole.
+    #[must_use]
+    pub fn bounds(name: impl Into<String>, heights: &[f64], (from, to): (f64, f64)) -> Vec<Self> {
+        let each = heights.iter().map(|height| Self {
+            style: Style::Dashed,
+            ..Self::behind("", vec![(from, *height), (to, *height)])
+        });
+        let mut all: Vec<Self> = each.collect();
+        if let Some(first) = all.first_mut() {
+            first.name = name.into();
+        }
+        all
+    }
+
+    /// Dots.
+    #[must_use]
+    pub fn dots(name: impl Into<String>, colour: usize, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            style: Style::Dots,
+            ..Self::line(name, colour, points)
+        }
+    }
+
+    fn rgb(&self) -> RGBColor {
+        self.colour.map_or(GREY, |colour| COLOURS[colour])
+    }
 }
 
-/// Name and points of a line.
-pub type Series = (String, Vec<(f64, f64)>);
-
 /// One panel.
+#[derive(Clone, Debug, Default)]
 pub struct Panel<'a> {
     /// Over it.
     pub caption: &'a str,
@@ -133,6 +106,11 @@ pub struct Panel<'a> {
     pub axes: (&'a str, &'a str),
     /// Its lines.
     pub series: Vec<Series>,
+    /// Heights beyond which lines are cut; everything is shown where there are none.
+    pub heights: Option<(f64, f64)>,
+    /// Names of rows, from the top, where the vertical axis has rows: the first is at height 0, the next at
+    /// -1, and so on.
+    pub rows: Vec<String>,
 }
 
 /// Draws panels, two in a row.
@@ -141,101 +119,133 @@ pub struct Panel<'a> {
 /// [`Error::Report`] when the drawing cannot be made.
 pub fn panels(title: &str, content: &[Panel<'_>]) -> Result<String> {
     let mut svg = String::new();
-    draw_panels(&mut svg, title, content)
+    draw(&mut svg, title, content)
         .map_err(|error| Error::Report(format!("the plot cannot be drawn: {error}")))?;
     Ok(svg)
 }
 
-fn draw_panels(
-    svg: &mut String,
-    title: &str,
-    content: &[Panel<'_>],
-) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+fn draw(svg: &mut String, title: &str, content: &[Panel<'_>]) -> std::result::Result<(), Failure> {
+    let rows = content.len().div_ceil(2);
+    let size = (2 * PANEL.0, TITLE + rows as u32 * PANEL.1);
+    let root = SVGBackend::with_string(svg, size).into_drawing_area();
     root.fill(&WHITE)?;
     let root = root.titled(title, ("sans-serif", 22))?;
-    for (area, panel) in root
-        .split_evenly((content.len().div_ceil(2), 2))
-        .iter()
-        .zip(content)
-    {
-        let coloured: Vec<_> = panel
-            .series
-            .iter()
-            .enumerate()
-            .map(|(i, (name, line))| (name.clone(), COLOURS[i % COLOURS.len()], line.clone()))
-            .collect();
-        let (x, y) = panel.axes;
-        lines(area, panel.caption, x, y, &coloured, &[])?;
+    for (area, panel) in root.split_evenly((rows, 2)).iter().zip(content) {
+        panel.draw(area)?;
     }
     root.present()?;
     Ok(())
 }
 
-fn time_series(run: &Run, value: impl Fn(&crate::simulate::Sample) -> f64) -> Line {
-    run.samples
-        .iter()
-        .map(|sample| (sample.time, value(sample)))
-        .collect()
+impl Panel<'_> {
+    fn draw(&self, area: &Area<'_>) -> std::result::Result<(), Failure> {
+        let chart = self.legend(area)?;
+        let points = || self.series.iter().map(|series| &series.points[..]);
+        let x = range(points().map(|points| span(points, |point| point.0)));
+        let y = match self.heights {
+            Some((low, high)) => low..high,
+            None if !self.rows.is_empty() => 0.5 - self.rows.len() as f64..0.5,
+            None => range(points().map(|points| span(points, |point| point.1))),
+        };
+        let heights = (y.start, y.end);
+        let rows = !self.rows.is_empty();
+        let mut chart = ChartBuilder::on(&chart)
+            .margin(8)
+            .margin_right(16)
+            .x_label_area_size(36)
+            .y_label_area_size(if rows { 120 } else { 64 })
+            .build_cartesian_2d(x, y)?;
+        let name = |height: &f64| {
+            let row = (-height).round();
+            let name = self.rows.get(row as usize);
+            let at = name.filter(|_| (row + height).abs() < 1e-6);
+            at.cloned().unwrap_or_default()
+        };
+        let mut mesh = chart.configure_mesh();
+        mesh.x_desc(self.axes.0).light_line_style(WHITE);
+        if rows {
+            mesh.y_label_formatter(&name)
+                .y_labels(2 * self.rows.len() + 1);
+        } else {
+            mesh.y_desc(self.axes.1);
+        }
+        mesh.draw()?;
+        for series in &self.series {
+            let colour = series.rgb();
+            let style = colour.stroke_width(2);
+            if series.style == Style::Dots {
+                let dots = series.points.iter();
+                chart.draw_series(dots.map(|point| Circle::new(*point, 4, colour.filled())))?;
+                continue;
+            }
+            for piece in cut(&thinned(&series.points), heights) {
+                match series.style {
+                    Style::Dashed => {
+                        chart.draw_series(DashedLineSeries::new(piece, 6, 4, style))?;
+                    }
+                    _ => {
+                        chart.draw_series(LineSeries::new(piece, style))?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Caption and legend above the chart, so that no line is under them; the rest of the area.
+    fn legend<'a>(&self, area: &Area<'a>) -> std::result::Result<Area<'a>, Failure> {
+        let width = area.dim_in_pixel().0 as i32;
+        let named: Vec<&Series> = self.series.iter().filter(|s| !s.name.is_empty()).collect();
+        let mut at = (64, CAPTION);
+        let mut places = Vec::new();
+        for series in &named {
+            let needed = STROKE + 6 + LETTER * series.name.chars().count() as i32 + 14;
+            if at.0 + needed > width && at.0 > 64 {
+                at = (64, at.1 + LEGEND);
+            }
+            places.push(at);
+            at.0 += needed;
+        }
+        let (above, below) = area.split_vertically(at.1 + LEGEND);
+        let caption = Text::new(self.caption, (64, 6), ("sans-serif", 16));
+        above.draw(&caption)?;
+        for (series, (x, y)) in named.into_iter().zip(places) {
+            let colour = series.rgb();
+            let middle = y + 7;
+            if series.style == Style::Dots {
+                let middle = (x + STROKE / 2, middle);
+                above.draw(&Circle::new(middle, 4, colour.filled()))?;
+            } else {
+                let gap = if series.style == Style::Dashed { 4 } else { 0 };
+                let half = STROKE / 2;
+                let style = colour.stroke_width(2);
+                for (from, to) in [(x, x + half - gap), (x + half, x + STROKE - gap)] {
+                    above.draw(&PathElement::new([(from, middle), (to, middle)], style))?;
+                }
+            }
+            let name = Text::new(
+                series.name.as_str(),
+                (x + STROKE + 6, y),
+                ("sans-serif", 13),
+            );
+            above.draw(&name)?;
+        }
+        Ok(below)
+    }
 }
 
-fn lines(
-    area: &Area<'_>,
-    caption: &str,
-    x_title: &str,
-    y_title: &str,
-    series: &[(String, RGBColor, Line)],
-    dots: &[(RGBColor, Line)],
-) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    let points = || series.iter().flat_map(|(_, _, line)| line);
-    let x = range(points().map(|point| point.0));
-    let y = range(points().map(|point| point.1));
-    let mut chart = ChartBuilder::on(area)
-        .caption(caption, ("sans-serif", 16))
-        .margin(8)
-        .x_label_area_size(36)
-        .y_label_area_size(56)
-        .build_cartesian_2d(x, y)?;
-    chart
-        .configure_mesh()
-        .x_desc(x_title)
-        .y_desc(y_title)
-        .light_line_style(WHITE)
-        .draw()?;
-    for (name, colour, line) in series {
-        let style = colour.stroke_width(2);
-        chart
-            .draw_series(LineSeries::new(line.iter().copied(), style))?
-            .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], style));
-    }
-    for (colour, line) in dots {
-        let every = (line.len() / 120).max(1);
-        let circles = line
-            .iter()
-            .step_by(every)
-            .map(|point| Circle::new(*point, 2, colour.filled()));
-        chart.draw_series(circles)?;
-    }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::LowerRight)
-        .background_style(WHITE.mix(0.8))
-        .border_style(BOUND)
-        .draw()?;
-    Ok(())
-}
-
-/// The span of the values with a margin, never empty.
-fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
-    let (low, high) = values
-        .filter(|value| value.is_finite())
-        .fold((f64::MAX, f64::MIN), |(low, high), x| {
-            (low.min(x), high.max(x))
-        });
+/// The span of all values with a margin, never empty.
+fn range(spans: impl Iterator<Item = (f64, f64)>) -> std::ops::Range<f64> {
+    let (low, high) = spans.fold((f64::MAX, f64::MIN), |(low, high), span| {
+        (low.min(span.0), high.max(span.1))
+    });
     if low > high {
         return 0.0..1.0;
     }
-    let margin = if high > low { 0.04 * (high - low) } else { 0.5 };
+    let margin = if high > low {
+        0.04 * (high - low)
+    } else {
+        0.5 * low.abs().max(1.0)
+    };
     low - margin..high + margin
 }

@@ -6,10 +6,13 @@
 
 use crate::design::{Design, gains_file::gains_file};
 use crate::drive::{MAX_LOADS, Observer};
+use crate::error::{self, Error};
 use arso_core::observer::{Anchored, LinearObserver, Reaction, StateObserver};
 use arso_core::{
     Command, Controller, Excitation, Measurement, Refusal, Request, SettingsError, Telemetry,
 };
+use crc::{CRC_32_ISO_HDLC, Crc};
+use serde::Serialize;
 
 /// A control core of any size.
 pub trait Corridor {
@@ -98,4 +101,21 @@ pub fn corridor(
 #[must_use]
 pub fn gains_source(design: &Design, origin: &str) -> String {
     with_sizes!(gains_file(design, origin))
+}
+
+/// Checksum of a design's settings in their serialised form: what the firmware says of itself in its log.
+///
+/// # Errors
+/// [`Error::Report`] when they cannot be serialised.
+pub fn fingerprint(design: &Design) -> error::Result<u32> {
+    fn of<const N: usize, const S: usize, O: StateObserver<N> + Serialize>(
+        design: &Design,
+        observer: impl FnOnce(LinearObserver<S>) -> O,
+        _: &str,
+    ) -> error::Result<u32> {
+        let failed = |error| Error::Report(format!("the settings cannot be serialised: {error}"));
+        let bytes = postcard::to_allocvec(&design.settings::<N, S, O>(observer)).map_err(failed)?;
+        Ok(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes))
+    }
+    with_sizes!(of(design))
 }

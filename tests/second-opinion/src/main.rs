@@ -14,6 +14,7 @@ compile_error!("this is built for the emulator: tests/build-firmware second-opin
 fn main() {}
 
 #[cfg(target_os = "none")]
+#[allow(dead_code, reason = "it has no log that would name the kind of drive")]
 #[path = "../../../firmware/src/gains.rs"]
 mod gains;
 
