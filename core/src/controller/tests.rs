@@ -453,6 +453,116 @@ fn a_drive_without_a_profile_refuses_to_excite() {
     assert_eq!(controller.mode(), Mode::Idle);
 }
 
+/// A running drive with limits of its own.
+fn protected(change: impl FnOnce(&mut ProtectionLimits<1>)) -> Drive {
+    let mut settings = settings();
+    change(&mut settings.protection);
+    let mut controller = Controller::new(&settings).unwrap();
+    commission(&mut controller);
+    controller.request(Request::Start).unwrap();
+    controller
+}
+
+/// Runs a rigid machine, seen and driven as `seen(k, count)` and `driven(k, current)` make of it, until the
+/// drive stops or half a second is over: the fault, its value, and the modes that it went through.
+fn stopped(
+    mut controller: Drive,
+    target: f32,
+    seen: impl Fn(u32, i32) -> i32,
+    driven: impl Fn(u32, f32) -> f32,
+) -> (Option<(Fault, f32)>, u32, bool) {
+    let mut position = controller.telemetry().position;
+    let (mut velocity, mut current, mut braked) = (0.0_f32, 0.0_f32, false);
+    for k in 0..500 {
+        let count = seen(k, libm::roundf(position / 1e-6) as i32);
+        current = controller
+            .step(measured(count as u32 & 0xFFFF, current))
+            .current
+            .0;
+        if k == 0 {
+            controller.request(Request::Step(Position(target))).unwrap();
+        }
+        braked |= matches!(controller.mode(), Mode::Stopping(_));
+        if let Mode::Fault(fault) = controller.mode() {
+            return (Some((fault, controller.telemetry().fault_value)), k, braked);
+        }
+        // The current is held over the period.
+        let acceleration = 6.43 * driven(k, current) / 0.116;
+        position += velocity * 1e-3 + 0.5 * acceleration * 1e-6;
+        velocity += acceleration * 1e-3;
+    }
+    (None, 500, braked)
+}
+
+/// Each limit stops a drive that is beyond it, with the value that was; one that is within goes on.
+#[test]
+fn every_limit_stops_the_drive() {
+    type Change = fn(&mut ProtectionLimits<1>);
+    let limits: [(Fault, Change, f32); 6] = [
+        (Fault::Velocity, |p| p.velocity = 0.05, 0.05),
+        (Fault::ReactionForce, |p| p.reaction_force = 0.5, 0.5),
+        (Fault::Unexpected, |p| p.innovation = 0.5, 0.5),
+        (Fault::Saturated, |p| p.saturation_time = 0.01, 0.01),
+        (Fault::FollowingError, |p| p.following_error = 0.05, 0.05),
+        (
+            Fault::Thermal,
+            |p| (p.continuous_current, p.thermal_time) = (0.3, 0.1),
+            0.3,
+        ),
+    ];
+    let seen = |_, count| count;
+    let driven = |_, current| current;
+    assert_eq!(stopped(protected(|_| ()), 0.3, seen, driven).0, None);
+    for (expected, change, limit) in limits {
+        let (found, _, braked) = stopped(protected(change), 0.3, seen, driven);
+        let (fault, value) = found.unwrap();
+        assert_eq!(fault, expected);
+        assert!(value.abs() >= limit, "{fault:?}: {value}");
+        assert_eq!(braked, fault.reaction() == Reaction::Brake, "{fault:?}");
+    }
+}
+
+/// The encoder dies in motion, or the actuator is held: found long before the drive has gone far.
+#[test]
+fn a_dead_encoder_is_found() {
+    let tight = |p: &mut ProtectionLimits<1>| (p.encoder_step, p.stiction) = (1e-4, 0.1);
+    let driven = |_, current| current;
+    let dies = |k: u32, count: i32| if k < 20 { count } else { 7000 };
+    let (found, k, _) = stopped(protected(tight), 0.03, dies, driven);
+    assert_eq!((found.unwrap().0, k), (Fault::EncoderStep, 20));
+    let (found, k, _) = stopped(protected(tight), 0.001, |_, _| 40, driven);
+    assert_eq!(found.unwrap().0, Fault::Stalled);
+    assert!(k < 30, "{k}");
+}
+
+/// A fault that is found outside of the controller stops it at once; the first one stays.
+#[test]
+fn a_fault_from_outside_stops_the_drive() {
+    let mut controller = protected(|_| ());
+    assert!(controller.step(measured(40, 0.0)).enable);
+    controller.trip(Fault::Timing);
+    controller.trip(Fault::Amplifier);
+    assert_eq!(controller.step(measured(40, 0.0)), Command::default());
+    assert_eq!(controller.mode(), Mode::Fault(Fault::Timing));
+}
+
+/// The loop is not closed while the machine coasts: the drive waits for rest, and does not wait for ever.
+#[test]
+fn the_loop_is_not_closed_in_motion() {
+    let mut controller = new();
+    commission(&mut controller);
+    let begin = controller.telemetry().count;
+    let coast = |k: u32| begin.wrapping_add(3 * k) & 0xFFFF;
+    for k in 0..100 {
+        controller.step(measured(coast(k), 0.0));
+    }
+    controller.request(Request::Start).unwrap();
+    for k in 100..2200 {
+        assert_eq!(controller.step(measured(coast(k), 0.0)), Command::default());
+    }
+    assert_eq!(controller.mode(), Mode::Fault(Fault::NotAtRest));
+}
+
 proptest! {
     /// Whatever is measured and asked, what is no number included: the command is finite, within
     /// the limit, and zero unless the drive runs.
