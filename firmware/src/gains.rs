@@ -70,7 +70,7 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         following_error: 0.16755578, // m
         reaction_force: 25.72, // N
         disturbance: 1.929, // N
-        innovation: 3.215, // N
+        innovation: 1.929, // N
         deflection: [0.08573333, 0.08573333, 0.08573333], // m
         stiction: 0.3858, // N
         saturation_time: 0.25, // s

@@ -11,7 +11,7 @@
 //! | `following_error` | what 4 `v` makes in one period of the slowest mode |
 //! | `reaction_force` | 2 `F` |
 //! | `disturbance` | 15 % of `F`, and three times the declared Coulomb friction |
-//! | `innovation` | 25 % of `F` |
+//! | `innovation` | 15 % of `F` |
 //! | `deflection` | 2 `F` over the spring's stiffness |
 //! | `stiction` | 3 % of `F`, and 1.5 times the declared Coulomb friction |
 //! | `saturation_time` | 0.25 s, or four times what the motor needs to bring `M` to the velocity limit |
@@ -54,7 +54,7 @@ const COUNTS: f64 = 12.0;
 const CURRENT_ERROR: f64 = 0.35;
 const FASTER: f64 = 4.0;
 const DISTURBANCE: (f64, f64) = (0.15, 3.0);
-const INNOVATION: f64 = 0.25;
+const INNOVATION: f64 = 0.15;
 const FORCE: f64 = 2.0;
 const STICTION: (f64, f64) = (0.03, 1.5);
 const SATURATION: (f64, f64) = (0.25, 4.0);

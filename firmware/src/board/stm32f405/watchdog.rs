@@ -9,9 +9,9 @@ use stm32f4xx_hal::pac::{DBGMCU, IWDG};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
-/// How long it waits, nominally: 10 ms, or four control periods where that is longer. Its oscillator runs at 17
-/// to 47 kHz (data sheet, table of the LSI) where 32 are nominal, so that it waits for 19 ms at most.
-const LEAST_MS: u32 = 10;
+/// How long it waits, nominally: 4 ms, or four control periods where that is longer. Its oscillator runs at 17
+/// to 47 kHz (data sheet, table of the LSI) where 32 are nominal, so that it waits for 2.7 to 7.6 ms.
+const LEAST_MS: u32 = 4;
 const PERIODS: u32 = 4;
 
 /// The running watchdog.
