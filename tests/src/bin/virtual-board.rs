@@ -1,12 +1,15 @@
 //! Runs a firmware ELF on the virtual drive board, in closed loop with a simulated machine.
 
+use arso_core::Mode;
 use arso_tests::virtual_board::image::Image;
 use arso_tests::virtual_board::rig::Period;
 use arso_tests::virtual_board::{Rig, Stop};
 use clap::Parser;
 use clap::builder::PossibleValuesParser;
-use host_sim::capture::read_defmt;
-use host_sim::drive::{Drive, PlantFile};
+use host_sim::capture::{Capture, Origin, read_defmt};
+use host_sim::chain::controlled_mass;
+use host_sim::design::Design;
+use host_sim::drive::{Drive, PlantFile, SETTLING_BAND};
 use host_sim::error::Error;
 use host_sim::output::{print, write_file};
 use host_sim::report::time;
@@ -99,10 +102,12 @@ impl Cli {
             write_file(path, &rig.log)?;
         }
         let capture = read_defmt(&bytes, &place, &rig.log[..], |text| eprintln!("{text}"))?;
+        require_same_drive(&capture, &drive)?;
         let periods = result.map_err(stopped)?;
 
         if self.csv {
-            return print(&table(&periods, drive.control.sample_time));
+            print(&table(&periods, drive.control.sample_time))?;
+            return self.require_arrival(&capture, &rig, scenario, drive.control.sample_time);
         }
         let cost = rig.board.interrupt_cost();
         let (stack, stack_size) = rig.board.stack_use();
@@ -134,7 +139,8 @@ impl Cli {
             "final_positions": state.iter().step_by(2).collect::<Vec<_>>(),
         });
         if self.json {
-            return print(&format!("{summary:#}\n"));
+            print(&format!("{summary:#}\n"))?;
+            return self.require_arrival(&capture, &rig, scenario, drive.control.sample_time);
         }
         print(&format!(
             "{title}\n\
@@ -143,7 +149,7 @@ impl Cli {
              cycles per step          {:.0} on average, {} at most (estimate, see timing.rs)\n\
              stack                    {stack} of {stack_size} bytes used\n\
              log                      {rate:.0} bytes/s, {} records, {} lost, {} damaged frames\n\
-             positions at the end     {} mm\n",
+             positions at the end     {} {}\n",
             cost.runs,
             cost.runs as f64 / elapsed,
             mean(cost.instructions),
@@ -159,8 +165,65 @@ impl Cli {
                 .map(|x| format!("{:.3}", 1e3 * x))
                 .collect::<Vec<_>>()
                 .join(" "),
-        ))
+            drive.kind.units().milli_position,
+        ))?;
+        self.require_arrival(&capture, &rig, scenario, drive.control.sample_time)
     }
+
+    /// A run that a fault ended, or whose controlled mass is not within 2 % of its target, is a failed run.
+    fn require_arrival(
+        &self,
+        capture: &Capture,
+        rig: &Rig,
+        scenario: &Scenario,
+        sample_time: f64,
+    ) -> Result<(), Error> {
+        let fault = capture.records.iter().enumerate().find_map(|(k, record)| {
+            let Mode::Fault(fault) = record.mode else {
+                return None;
+            };
+            Some((k, fault))
+        });
+        if let Some((k, fault)) = fault {
+            return Err(Error::Fault {
+                experiment: if self.excite {
+                    "the excitation"
+                } else {
+                    scenario.name
+                },
+                time: k as f64 * sample_time,
+                number: fault.number(),
+                fault: format!("{fault:?}"),
+            });
+        }
+        let state = rig.plant().state();
+        let mass = controlled_mass(state.len() / 2 - 1);
+        let off = state[2 * mass] - scenario.target;
+        // Written so that what is no number has not arrived.
+        let arrived = off.abs() <= SETTLING_BAND * scenario.target.abs().max(1e-3);
+        if self.excite || arrived {
+            return Ok(());
+        }
+        Err(Error::Simulation(format!(
+            "mass {mass} ends {off:.3e} from its target, more than 2 % of the motion"
+        )))
+    }
+}
+
+/// Refuses a firmware that is not the described drive's.
+fn require_same_drive(capture: &Capture, drive: &Drive) -> Result<(), Error> {
+    let expected = Origin::of(&Design::new(drive)?)?;
+    let Some(said) = capture.origins.first() else {
+        return Ok(());
+    };
+    let differences = said.differences(&expected);
+    if differences.is_empty() {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "the firmware is not this drive's: it has {}",
+        differences.join(", ")
+    )))
 }
 
 /// Average and maximum over the periods in which the amplifier was enabled.
