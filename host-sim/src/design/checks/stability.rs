@@ -38,10 +38,10 @@ pub(in crate::design) fn closed_loop(design: &Design) -> Result<Check> {
 /// constants are known no better than that.
 const PEAK: f64 = 2.0;
 const WORST_PEAK: f64 = 4.0;
-/// The same for the phase margin, degrees: 30 is what a peak of 2 leaves, below 20 a lag of one sample or
+/// The same for the phase margin, degrees: 30 is what a peak of 2 leaves, below 15 a lag of one sample or
 /// a spring that is a third softer may take all of it.
 const PHASE: f64 = 30.0;
-const WORST_PHASE: f64 = 20.0;
+const WORST_PHASE: f64 = 15.0;
 
 /// How far the loop stays from the brink over all frequencies.
 fn peak_sensitivity(margins: &Margins) -> Check {
