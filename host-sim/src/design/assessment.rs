@@ -48,7 +48,7 @@ impl Assessment {
     /// Assesses a design.
     ///
     /// # Errors
-    /// [`Error::Design`](crate::error::Error::Design) when something cannot be computed.
+    /// [`Error::Design`] when something cannot be computed.
     pub fn new(design: &Design) -> Result<Self> {
         let (mut checks, margins) = judged(design)?;
         let slow =
@@ -115,7 +115,7 @@ fn refusal(checks: &[Check]) -> Result<()> {
 /// * `times`: times to go in periods of the slowest mode, rising
 ///
 /// # Errors
-/// [`Error::Design`](crate::error::Error::Design) when a step cannot be solved.
+/// [`Error::Design`] when a step cannot be solved.
 pub fn convergence(design: &Design, times: &[f64]) -> Result<Vec<HorizonGain>> {
     let slowest = design.modes().first().map_or(1.0, |mode| mode.frequency_hz);
     let with_constant = times.iter().chain([&CONSTANT]);
