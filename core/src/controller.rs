@@ -20,7 +20,7 @@ use crate::link::{Reason, Refusal, Request};
 use crate::mode::Mode;
 use crate::moves::rigid::RigidMoves;
 use crate::observer::{Seen, StateObserver};
-use crate::protection::{Period, Protection, Trip};
+use crate::protection::{Heat, Period, Protection, Trip};
 use crate::reaction_force::ReactionForceObserver;
 use crate::regulator::Regulator;
 use crate::rest::Rest;
@@ -59,6 +59,8 @@ pub struct Controller<const N: usize, O: StateObserver<N>> {
     activity: Activity<N, O>,
     /// By which friction held the actuator when the signs were proven, N.
     stiction: Option<f32>,
+    /// Of the motor, whatever the mode.
+    heat: Heat,
     telemetry: Telemetry<[f32; N]>,
 }
 
@@ -131,6 +133,7 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             encoder: encoder::Memory::default(),
             activity: Activity::Idle,
             stiction: None,
+            heat: 0.0,
             telemetry: Telemetry::default(),
         })
     }
@@ -205,10 +208,12 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
 
         let mode = self.activity.mode();
         // The record of a fault still has what was estimated before it.
-        if mode != Mode::Running && matches!(telemetry.mode, Mode::Running | Mode::Fault(_)) {
+        let estimated = telemetry.mode.closed_loop() || matches!(telemetry.mode, Mode::Fault(_));
+        if estimated && !mode.closed_loop() {
             telemetry.forget_estimates();
         }
 
+        parts.protection.warm(&mut self.heat, measurement.current);
         let watched = if mode.energised() {
             parts.protection.step(&reading, measurement.current)
         } else {
@@ -220,7 +225,7 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
                 measurement.current,
                 &reading,
                 telemetry,
-                self.stiction,
+                (self.stiction, self.heat),
             ),
             Activity::Commissioning(memory) => {
                 parts.commission(memory, &reading, &mut self.stiction)
@@ -307,7 +312,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         current: Current,
         reading: &Reading,
         telemetry: &mut Telemetry<[f32; N]>,
-        stiction: Option<f32>,
+        (stiction, heat): (Option<f32>, Heat),
     ) -> Outcome {
         // Never from motion: rest is proven first.
         if let Start::WaitingForRest(rest, periods) = &mut running.start {
@@ -382,6 +387,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         let period = Period {
             reading,
             current,
+            heat,
             reaction_force,
             estimate: &estimate,
             reference: &reference,
@@ -394,6 +400,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
             if running.stopping.is_none() {
                 telemetry.fault_value = trip.value;
                 running.stopping = Some(Stopping::new(trip.fault, reading.position));
+                running.asked = None;
                 self.moves.step_to(&mut memory.moves, reading.position);
             }
         }

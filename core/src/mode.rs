@@ -46,6 +46,12 @@ impl Mode {
         )
     }
 
+    /// Whether the loop is closed: loads are estimated and a reference is followed.
+    #[must_use]
+    pub const fn closed_loop(self) -> bool {
+        matches!(self, Self::Running | Self::Stopping(_))
+    }
+
     /// The mode that follows when this one has done what it is there for.
     #[must_use]
     pub(crate) const fn completed(self) -> Self {

@@ -5,6 +5,7 @@
 //! [`fault`](crate::fault). What merely has to stay within a limit is in `within`.
 //!
 //! ```text
+//! any mode                thermal (the heat of the motor)
 //! any mode with current   applied_current, encoder_jump
 //! running                 encoder_step, within, stall, saturation, thermal
 //! ```
@@ -18,7 +19,7 @@ mod thermal;
 mod within;
 
 use crate::actuator::Actuator;
-use crate::check::{SettingsError, finite, positive};
+use crate::check::{SettingsError, positive};
 use crate::encoder::{Encoder, Reading};
 use crate::fault::Fault;
 use crate::limits::Limits;
@@ -27,6 +28,7 @@ use crate::observer::Estimate;
 use crate::units::{Current, Force};
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
+pub(crate) use thermal::Heat;
 
 /// The limits of a running drive; read rad for m and N m for N on a rotary one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,7 +67,9 @@ impl<const N: usize> ProtectionLimits<N> {
         positive("protection.reaction_force", self.reaction_force)?;
         positive("protection.disturbance", self.disturbance)?;
         positive("protection.innovation", self.innovation)?;
-        finite("protection.deflection", &self.deflection)?;
+        for deflection in self.deflection {
+            positive("protection.deflection", deflection)?;
+        }
         positive("protection.stiction", self.stiction)?;
         positive("protection.saturation_time", self.saturation_time)?;
         positive("protection.continuous_current", self.continuous_current)?;
@@ -101,6 +105,7 @@ pub(crate) struct Period<'a, const N: usize> {
     pub(crate) reading: &'a Reading,
     /// Applied over the period that ends now.
     pub(crate) current: Current,
+    pub(crate) heat: Heat,
     pub(crate) reaction_force: Force,
     pub(crate) estimate: &'a Estimate<N>,
     pub(crate) reference: &'a Reference<N>,
@@ -123,7 +128,6 @@ pub(crate) struct Memory {
     encoder_step: encoder_step::Memory,
     stall: stall::Memory,
     saturated: u32,
-    thermal: f32,
 }
 
 impl<const N: usize> Protection<N> {
@@ -174,6 +178,15 @@ impl<const N: usize> Protection<N> {
         }
     }
 
+    /// One period of any mode: how hot the motor is. What cannot have been applied has not heated it.
+    ///
+    /// * `current`: said to have been applied over the period that ends now
+    pub(crate) fn warm(&self, heat: &mut Heat, current: Current) {
+        if self.applied_current.step(current).is_ok() {
+            self.thermal.step(heat, current);
+        }
+    }
+
     /// One period of any mode in which current may flow.
     ///
     /// * `current`: said to have been applied over the period that ends now
@@ -194,6 +207,6 @@ impl<const N: usize> Protection<N> {
         let forces = [self.stall.motor(*current), unexplained];
         self.stall.step(&mut memory.stall, reading, forces)?;
         self.saturation.step(&mut memory.saturated, *current)?;
-        self.thermal.step(&mut memory.thermal, *current)
+        self.thermal.judge(period.heat)
     }
 }

@@ -64,8 +64,8 @@ impl Log {
                 .saturating_add(record.period.wrapping_sub(expected));
         }
         self.expected = Some(record.period.wrapping_add(1));
-        // Nothing is estimated in any other state.
-        if record.mode == Mode::Running {
+        // Nothing is estimated while it is open.
+        if record.mode.closed_loop() {
             self.vibration.update(record);
         }
         self.worst_cycles = self.worst_cycles.max(record.cycles);
@@ -96,7 +96,7 @@ impl Log {
         self.records += 1;
         if self.records >= self.summary {
             // Metres, or radians: the core does not know which.
-            if record.mode == Mode::Running {
+            if record.mode.closed_loop() {
                 defmt::info!(
                     "vibration {} rms, SI units, within 5 %",
                     self.vibration.level()

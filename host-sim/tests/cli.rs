@@ -1,23 +1,16 @@
 //! The program as the user runs it: exit codes, messages, files.
 
-use arso_core::{Mode, Telemetry};
-use assert_cmd::Command;
+mod common;
+
+use arso_core::{Fault, Mode, Telemetry};
+use common::{host_sim, ran};
 use std::fs;
 
 const DRIVE: &str = include_str!("../drive.toml");
 
-fn host_sim() -> Command {
-    Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
-}
-
 /// Runs and returns exit code, standard output, standard error.
 fn run(arguments: &[&str]) -> (i32, String, String) {
-    let output = host_sim().args(arguments).output().unwrap();
-    (
-        output.status.code().unwrap(),
-        String::from_utf8(output.stdout).unwrap(),
-        String::from_utf8(output.stderr).unwrap(),
-    )
+    ran(host_sim().args(arguments))
 }
 
 /// Runs `design` on a text; returns exit code and the error.
@@ -563,6 +556,29 @@ fn logged(period: u32, mode: Mode) -> String {
     let digest = CHECKSUM.digest();
     let bytes = postcard::to_slice_crc32(&record, &mut buffer, digest).unwrap();
     format!("DEBUG record {bytes:?}")
+}
+
+/// What is estimated stands in the CSV while the loop is closed, braking included, and only then.
+#[test]
+fn estimates_are_shown_while_the_drive_brakes() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("log.txt");
+    let braking = Mode::Stopping(Fault::Thermal);
+    let lines = [
+        logged(1, Mode::Ready),
+        logged(2, Mode::Running),
+        logged(3, braking),
+    ];
+    fs::write(&path, lines.join("\n")).unwrap();
+    let (code, text, _) = run(&["capture", "--rtt", path.to_str().unwrap(), "--csv"]);
+    assert_eq!(code, 0);
+    let mut csv = csv::Reader::from_reader(text.as_bytes());
+    let headers = csv.headers().unwrap().clone();
+    let reference = headers.iter().position(|h| h == "reference[m]");
+    let rows = csv
+        .records()
+        .map(|row| row.unwrap()[reference.unwrap()].to_owned());
+    assert_eq!(rows.collect::<Vec<_>>(), ["", "0.03", "0.03"]);
 }
 
 /// A log as `probe-rs run` prints it, through a file, standard input and TCP.

@@ -1,5 +1,7 @@
 //! The corridor in all its modes.
 
+extern crate std;
+
 use super::*;
 use crate::actuator::Actuator;
 use crate::moves::rigid::MotionLimits;
@@ -431,6 +433,10 @@ fn settings_that_cannot_be_run_are_refused() {
         refused(|s| s.limits.current_resolution = -1.0),
         Some(SettingsError::Negative("limits.current_resolution"))
     );
+    assert_eq!(
+        refused(|s| s.protection.deflection = [0.0]),
+        Some(SettingsError::NotPositive("protection.deflection"))
+    );
 }
 
 /// The settings are one type for wire, file and memory, of any size; a wrong size is refused.
@@ -520,6 +526,84 @@ fn every_limit_stops_the_drive() {
         assert!(value.abs() >= limit, "{fault:?}: {value}");
         assert_eq!(braked, fault.reaction() == Reaction::Brake, "{fault:?}");
     }
+}
+
+/// A drive that brakes shows its estimates, one that was stopped then does not.
+#[test]
+fn estimates_end_with_the_braking() {
+    let mut controller = protected(|p| p.following_error = 0.005);
+    controller.step(measured(0, 0.0));
+    controller.request(Request::Step(Position(0.01))).unwrap();
+    for k in 0..5 {
+        controller.step(measured(40 * k, 0.1));
+    }
+    assert_eq!(controller.mode(), Mode::Stopping(Fault::FollowingError));
+    assert!(controller.telemetry().velocity != 0.0);
+    controller.request(Request::Stop).unwrap();
+    controller.step(measured(200, 0.0));
+    let record = controller.telemetry();
+    assert_eq!((record.velocity, record.reference), (0.0, 0.0));
+}
+
+/// A move that waits for another to end is forgotten when a fault brakes the drive: the reference stands
+/// until the machine does.
+#[test]
+fn no_move_begins_while_the_drive_brakes() {
+    let mut controller = protected(|p| (p.continuous_current, p.thermal_time) = (0.1, 0.1));
+    let mut position = controller.telemetry().position;
+    let (mut velocity, mut current) = (0.0_f32, 0.0_f32);
+    let mut references = std::vec::Vec::new();
+    for k in 0..1000 {
+        let count = libm::roundf(position / 1e-6) as i32 as u32 & 0xFFFF;
+        current = controller.step(measured(count, current)).current.0;
+        if k < 2 {
+            let target = [0.1, -0.1][k];
+            controller.request(Request::Move(Position(target))).unwrap();
+        }
+        if matches!(controller.mode(), Mode::Stopping(Fault::Thermal)) {
+            references.push(controller.telemetry().reference);
+        }
+        if let Mode::Fault(_) = controller.mode() {
+            break;
+        }
+        let acceleration = 6.43 * current / 0.116;
+        position += velocity * 1e-3 + 0.5 * acceleration * 1e-6;
+        velocity += acceleration * 1e-3;
+    }
+    assert_eq!(controller.mode(), Mode::Fault(Fault::Thermal));
+    // The period that found the fault still followed the move.
+    let [first, stand, rest @ ..] = &references[..] else {
+        panic!("{references:?}")
+    };
+    assert!(rest.len() > 10 && first != stand, "{references:?}");
+    assert!(rest.iter().all(|reference| reference == stand));
+}
+
+/// The heat of the motor outlives the run and its mode, and fades as `exp(−t/τ)` without current: started
+/// too early, the drive stops again.
+#[test]
+fn a_hot_motor_stays_hot() {
+    let started_after = |cooling: u32| {
+        let mut settings = settings();
+        let protection = &mut settings.protection;
+        (protection.continuous_current, protection.thermal_time) = (0.3, 0.1);
+        let mut controller = Controller::new(&settings).unwrap();
+        commission(&mut controller);
+        let count = controller.telemetry().count;
+        // 2 A until the mean square is 4 A² but for e⁻¹⁰.
+        for _ in 0..1000 {
+            controller.step(measured(count, 2.0));
+        }
+        for _ in 0..cooling {
+            controller.step(measured(count, 0.0));
+        }
+        controller.request(Request::Start).unwrap();
+        controller.step(measured(count, 0.0));
+        controller.mode()
+    };
+    // 0.1 s ln(2² / 0.3²) = 379 ms.
+    assert_eq!(started_after(370), Mode::Stopping(Fault::Thermal));
+    assert_eq!(started_after(388), Mode::Running);
 }
 
 /// The encoder dies in motion, or the actuator is held: found long before the drive has gone far.

@@ -3,10 +3,16 @@
 //! ```text
 //! θ_k = θ_k−1 + (i² − θ_k−1) T / τ        θ ≤ continuous²
 //! ```
+//!
+//! The heat is the motor's: it goes on through every mode and no `Start` forgets it. It is judged while the
+//! drive runs.
 
 use super::Trip;
 use crate::fault::Fault;
 use crate::units::Current;
+
+/// Mean square of the current, A².
+pub(crate) type Heat = f32;
 
 /// Coefficients.
 #[derive(Clone, Copy, Debug)]
@@ -26,16 +32,20 @@ impl Thermal {
         }
     }
 
-    /// The memory is the mean square of the current, A².
-    pub(super) fn step(self, memory: &mut f32, current: Current) -> Result<(), Trip> {
-        *memory += self.gain * (current.0 * current.0 - *memory);
-        if *memory <= self.limit {
+    /// One period of any mode.
+    pub(super) fn step(self, heat: &mut Heat, current: Current) {
+        *heat += self.gain * (current.0 * current.0 - *heat);
+    }
+
+    /// Whether the motor has become too hot.
+    pub(super) fn judge(self, heat: Heat) -> Result<(), Trip> {
+        if heat <= self.limit {
             return Ok(());
         }
         Err(Trip {
             fault: Fault::Thermal,
             // In the unit of its limit.
-            value: libm::sqrtf(*memory),
+            value: libm::sqrtf(heat),
         })
     }
 }

@@ -9,7 +9,6 @@ use crate::error::{Error, Result};
 use crate::machine::Kind;
 use crate::report::plot::{Panel, Series, panels};
 use crate::simulate::corridor::Record;
-use arso_core::Mode;
 use arso_core::telemetry::{Column, Quantity};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use serde_json::json;
@@ -17,12 +16,12 @@ use std::collections::BTreeMap;
 
 /// Whether a column of a record means something.
 fn known(record: &Record, column: &Column) -> bool {
-    !column.closed_loop || record.mode == Mode::Running
+    !column.closed_loop || record.mode.closed_loop()
 }
 
 /// Every column that means something in some record, as the first of these has it.
 fn shown(capture: &Capture) -> Vec<Column> {
-    let running = capture.records.iter().find(|r| r.mode == Mode::Running);
+    let running = capture.records.iter().find(|r| r.mode.closed_loop());
     let record = running.or(capture.records.first());
     let columns = record.into_iter().flat_map(|record| {
         let columns = record.columns();
