@@ -179,10 +179,7 @@ pub fn read_text(stream: impl Read, mut message: impl FnMut(&str)) -> Result<Cap
 
 /// A stream that cannot be read.
 fn unreadable(source: std::io::Error) -> Error {
-    Error::Read {
-        path: "the log".into(),
-        source,
-    }
+    Error::read("the log")(source)
 }
 
 #[cfg(test)]

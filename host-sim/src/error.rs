@@ -137,6 +137,12 @@ impl Error {
         }
     }
 
+    /// For `map_err` on reading what is named so: a path, or words.
+    pub fn read(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Error {
+        let path = path.into();
+        move |source| Error::Read { path, source }
+    }
+
     /// For `map_err` on writing to `path`.
     pub fn write(path: &Path) -> impl Fn(std::io::Error) -> Error + '_ {
         move |source| Error::Write {

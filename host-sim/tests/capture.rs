@@ -1,8 +1,10 @@
 //! `host-sim capture` as the user runs it: what the drive says of itself is believed, and nothing that came is
 //! lost.
 
+mod common;
+
 use arso_core::{Identity, Mode, Telemetry};
-use assert_cmd::Command;
+use common::{host_sim, ran};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::Serialize;
 use std::fs;
@@ -40,17 +42,8 @@ fn identity(start: &str) -> String {
 
 /// Runs on a log; exit code, standard output, standard error.
 fn capture(log: &str, arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
-        .arg("capture")
-        .args(arguments)
-        .write_stdin(log)
-        .output()
-        .unwrap();
-    (
-        output.status.code().unwrap(),
-        String::from_utf8(output.stdout).unwrap(),
-        String::from_utf8(output.stderr).unwrap(),
-    )
+    let mut command = host_sim();
+    ran(command.arg("capture").args(arguments).write_stdin(log))
 }
 
 /// Kind, units and period are the log's; a drive file is compared with it, in words.

@@ -1,21 +1,15 @@
 //! The command line as a whole: one way to name a drive, options that every command takes, what a shell and an
 //! editor need, and plots of a size that can be opened.
 
-use assert_cmd::Command;
+mod common;
+
+use common::{host_sim, ran};
 use std::fs;
 use std::path::Path;
 
 /// Runs and returns exit code, standard output, standard error.
 fn run(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
-        .args(arguments)
-        .output()
-        .unwrap();
-    (
-        output.status.code().unwrap(),
-        String::from_utf8(output.stdout).unwrap(),
-        String::from_utf8(output.stderr).unwrap(),
-    )
+    ran(host_sim().args(arguments))
 }
 
 fn own_drive() -> String {

@@ -1,7 +1,9 @@
 //! `host-sim design` and what follows from it, as the user asks for it: kinds of drive, ways to choose
 //! gains, and the comparison.
 
-use assert_cmd::Command;
+mod common;
+
+use common::{host_sim, ran};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -12,16 +14,7 @@ const WEIGHTS: &str = "position = [225.0, 225.0, 225.0, 225.0]  # 1/m^2, actuato
 
 /// Runs in a directory; returns exit code, standard output, standard error.
 fn run(directory: &Path, arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
-        .args(arguments)
-        .current_dir(directory)
-        .output()
-        .unwrap();
-    (
-        output.status.code().unwrap(),
-        String::from_utf8(output.stdout).unwrap(),
-        String::from_utf8(output.stderr).unwrap(),
-    )
+    ran(host_sim().args(arguments).current_dir(directory))
 }
 
 /// Runs a command on a drive file, which must succeed, and returns what it printed.

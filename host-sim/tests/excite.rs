@@ -1,6 +1,8 @@
 //! `host-sim excite` as the user runs it: exit codes, messages, files.
 
-use assert_cmd::Command;
+mod common;
+
+use common::{host_sim, ran};
 use std::fs;
 use std::path::Path;
 
@@ -8,17 +10,8 @@ const DRIVE: &str = include_str!("../drive.toml");
 
 /// Runs `excite` and returns exit code, standard output, standard error.
 fn excite(arguments: &[&str], out: &Path) -> (i32, String, String) {
-    let output = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
-        .arg("excite")
-        .args(arguments)
-        .args(["--out", out.to_str().unwrap()])
-        .output()
-        .unwrap();
-    (
-        output.status.code().unwrap(),
-        String::from_utf8(output.stdout).unwrap(),
-        String::from_utf8(output.stderr).unwrap(),
-    )
+    let out = ["--out", out.to_str().unwrap()];
+    ran(host_sim().arg("excite").args(arguments).args(out))
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! `host-sim identify` as the user runs it: what it finds, and what it refuses, each with its sentence.
 
-use assert_cmd::Command;
+mod common;
+
+use common::{host_sim, ran};
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::excite::{ExcitationPlan, ExcitationRequest};
 use host_sim::machine::Friction;
@@ -13,15 +15,7 @@ const DRIVE: &str = include_str!("../drive.toml");
 
 /// Runs and returns exit code, standard output, standard error.
 fn run(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"))
-        .args(arguments)
-        .output()
-        .unwrap();
-    (
-        output.status.code().unwrap(),
-        String::from_utf8(output.stdout).unwrap(),
-        String::from_utf8(output.stderr).unwrap(),
-    )
+    ran(host_sim().args(arguments))
 }
 
 /// A log of the plant under some current, as a drive would write it.

@@ -4,13 +4,9 @@
 //! damaged one and never another record.
 
 use super::Origin;
-use crate::simulate::corridor::Record;
+use crate::simulate::corridor::{CHECKSUM, Record};
 use arso_core::Identity;
-use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::de::DeserializeOwned;
-
-/// The checksum.
-const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// How a record begins, and an identity.
 const RECORD: &str = "record [";

@@ -12,7 +12,7 @@ use clap::Args;
 use std::fs::File;
 use std::io::Read;
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Read the drive's log: raw defmt with --elf, else text as probe-rs prints it.
@@ -48,10 +48,6 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 impl CaptureCommand {
     pub(super) fn run(self, quiet: bool) -> Result<()> {
-        let read_error = |path: &Path| {
-            let path = path.to_owned();
-            move |source| Error::Read { path, source }
-        };
         // What cannot be used is said before anything is waited for.
         let drive = self.drive.load()?;
         let expected = match self.drive.path() {
@@ -62,14 +58,12 @@ impl CaptureCommand {
             None => None,
             Some(path) => Some((
                 path.display().to_string(),
-                std::fs::read(path).map_err(read_error(path))?,
+                std::fs::read(path).map_err(Error::read(path))?,
             )),
         };
         let server = match &self.tcp {
             None => None,
-            Some(address) => {
-                Some(TcpStream::connect(address).map_err(read_error(Path::new(address)))?)
-            }
+            Some(address) => Some(TcpStream::connect(address).map_err(Error::read(address))?),
         };
         ctrlc::set_handler(|| {
             if INTERRUPTED.swap(true, Ordering::Relaxed) {
@@ -105,28 +99,23 @@ impl CaptureCommand {
 
     /// The log, which ends at Ctrl-C whatever its source does.
     fn stream(&self, server: Option<TcpStream>) -> Result<Box<dyn Read>> {
-        let failed = |name: &str| {
-            let path = PathBuf::from(name);
-            move |source| Error::Read { path, source }
-        };
         let live = match (&self.rtt, server) {
             (Some(path), _) => {
-                let name = path.display().to_string();
                 // A pipe without a writer blocks when it is opened, a file says what is wrong with it.
-                if path.metadata().map_err(failed(&name))?.is_file() {
-                    let file = File::open(path).map_err(failed(&name))?;
+                if path.metadata().map_err(Error::read(path))?.is_file() {
+                    let file = File::open(path).map_err(Error::read(path))?;
                     Live::new(move || Ok(file), &INTERRUPTED)
                 } else {
                     let path = path.clone();
                     Live::new(move || File::open(path), &INTERRUPTED)
                 }
-                .map_err(failed(&name))?
+                .map_err(Error::read(path))?
             }
             (None, Some(server)) => {
-                Live::new(move || Ok(server), &INTERRUPTED).map_err(failed("the server"))?
+                Live::new(move || Ok(server), &INTERRUPTED).map_err(Error::read("the server"))?
             }
             (None, None) => Live::new(|| Ok(std::io::stdin()), &INTERRUPTED)
-                .map_err(failed("standard input"))?,
+                .map_err(Error::read("standard input"))?,
         };
         Ok(Box::new(live))
     }

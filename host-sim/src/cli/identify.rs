@@ -53,10 +53,7 @@ impl IdentifyCommand {
     pub(super) fn run(self, quiet: bool) -> Result<()> {
         let text = match &self.drive {
             None => DEFAULT_DRIVE.to_owned(),
-            Some(path) => std::fs::read_to_string(path).map_err(|source| Error::Read {
-                path: path.clone(),
-                source,
-            })?,
+            Some(path) => std::fs::read_to_string(path).map_err(Error::read(path))?,
         };
         let drive = Drive::load(self.drive.as_deref())?;
         let experiment = match self.run {

@@ -9,10 +9,7 @@ use std::path::Path;
 use toml::Spanned;
 
 pub(super) fn read(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|source| Error::Read {
-        path: path.to_owned(),
-        source,
-    })
+    std::fs::read_to_string(path).map_err(Error::read(path))
 }
 
 /// Numbers beyond this are slips of the pen; within it nothing overflows in the design.

@@ -51,10 +51,7 @@ impl Log {
     /// # Errors
     /// [`Error::Read`] or [`Error::Input`].
     pub fn load(path: &Path, drive: &Drive) -> Result<Self> {
-        let file = std::fs::File::open(path).map_err(|source| Error::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let file = std::fs::File::open(path).map_err(Error::read(path))?;
         Self::parse(file, &path.display().to_string(), drive)
     }
 

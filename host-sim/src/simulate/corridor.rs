@@ -103,6 +103,9 @@ pub fn gains_source(design: &Design, origin: &str) -> String {
     with_sizes!(gains_file(design, origin))
 }
 
+/// Checksum of what the firmware logs in serialised form.
+pub const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
 /// Checksum of a design's settings in their serialised form: what the firmware says of itself in its log.
 ///
 /// # Errors
@@ -115,7 +118,7 @@ pub fn fingerprint(design: &Design) -> error::Result<u32> {
     ) -> error::Result<u32> {
         let failed = |error| Error::Report(format!("the settings cannot be serialised: {error}"));
         let bytes = postcard::to_allocvec(&design.settings::<N, S, O>(observer)).map_err(failed)?;
-        Ok(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes))
+        Ok(CHECKSUM.checksum(&bytes))
     }
     with_sizes!(of(design))
 }

@@ -1,8 +1,10 @@
 //! Inputs on which the program once said something that was not so: each must be told as it is.
 
+#[path = "../common/mod.rs"]
+mod common;
 mod drives;
 
-use assert_cmd::Command;
+use common::{host_sim, ran};
 use drives::{
     BELT_2A, BELT_2A_PLANT, BELT_REFUSED, HEAVY, HEAVY_PLANT, HUNTING, HUNTING_WILD, ROTARY,
     ROTARY_PLANT,
@@ -25,18 +27,13 @@ const FIG3: [&str; 6] = [
 fn run(drive: &str, plant: Option<&str>, arguments: &[&str]) -> (i32, String, String) {
     let directory = tempfile::tempdir().unwrap();
     fs::write(directory.path().join("drive.toml"), drive).unwrap();
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("host-sim"));
+    let mut command = host_sim();
     command.args(arguments).current_dir(directory.path());
     if let Some(plant) = plant {
         fs::write(directory.path().join("plant.toml"), plant).unwrap();
         command.args(["--plant", "plant.toml"]);
     }
-    let output = command.output().unwrap();
-    (
-        output.status.code().unwrap(),
-        String::from_utf8(output.stdout).unwrap(),
-        String::from_utf8(output.stderr).unwrap(),
-    )
+    ran(&mut command)
 }
 
 /// A run that must fail before anything is shown, with one sentence.

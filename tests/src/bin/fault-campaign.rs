@@ -58,10 +58,7 @@ fn main() -> ExitCode {
 impl Cli {
     /// Whether the drive was dangerous.
     fn run(self) -> Result<bool, Error> {
-        let elf = std::fs::read(&self.elf).map_err(|source| Error::Read {
-            path: self.elf.clone(),
-            source,
-        })?;
+        let elf = std::fs::read(&self.elf).map_err(Error::read(&self.elf))?;
         let drive = Drive::load(self.drive.as_deref())?;
         let stage = Stage::set(elf, drive, self.instants).map_err(|message| Error::Input {
             place: self.elf.display().to_string(),

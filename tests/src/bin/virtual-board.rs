@@ -69,10 +69,7 @@ fn main() -> ExitCode {
 
 impl Cli {
     fn run(self) -> Result<(), Error> {
-        let bytes = std::fs::read(&self.elf).map_err(|source| Error::Read {
-            path: self.elf.clone(),
-            source,
-        })?;
+        let bytes = std::fs::read(&self.elf).map_err(Error::read(&self.elf))?;
         let place = self.elf.display().to_string();
         let image = Image::parse(&bytes).map_err(|message| Error::Input {
             place: place.clone(),
