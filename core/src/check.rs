@@ -15,6 +15,8 @@ pub enum SettingsError {
     CounterBits,
     /// The nominal mass and force constant together with their deviations must be positive.
     Deviation,
+    /// The lower end of the travel must lie below the upper one.
+    Travel,
     /// There must be at least one load.
     NoLoad,
 }
@@ -29,6 +31,7 @@ impl fmt::Display for SettingsError {
             Self::Deviation => f.write_str(
                 "nominal mass and force constant plus their deviations must be positive",
             ),
+            Self::Travel => f.write_str("the lower end of the travel must lie below the upper one"),
             Self::NoLoad => f.write_str("there must be at least one load"),
         }
     }

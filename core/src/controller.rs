@@ -4,7 +4,8 @@
 //! firmware's interrupt and the simulation both call [`Controller::step`] once per period and nothing
 //! else between two periods but [`Controller::request`].
 //!
-//! The command is `i = i_ff − K (x_hat − x_ref) + d / k_f`, limited; a value that is not finite
+//! Every position in the loop is relative to the target, a whole count: the drive is as exact a million turns
+//! from zero as at zero. The command is `i = i_ff − K (x_hat − x_ref) + d / k_f`, limited; a value that is not finite
 //! anywhere ends in a fault and zero current.
 
 mod activity;
@@ -18,7 +19,7 @@ use crate::fault::{Fault, Reaction};
 use crate::limits::Limits;
 use crate::link::{Reason, Refusal, Request};
 use crate::mode::Mode;
-use crate::moves::rigid::RigidMoves;
+use crate::moves::rigid::{self, RigidMoves};
 use crate::observer::{Seen, StateObserver};
 use crate::protection::{Heat, Period, Protection, Trip};
 use crate::reaction_force::ReactionForceObserver;
@@ -26,7 +27,7 @@ use crate::regulator::Regulator;
 use crate::rest::Rest;
 use crate::settings::Settings;
 use crate::telemetry::Telemetry;
-use crate::units::{Counts, Current, Position};
+use crate::units::{Counts, Current, Force, Place, Position};
 use activity::{Activity, Commissioning, Exciting, Loop, Running, Start, Stopping};
 
 /// What the drive measures once per period.
@@ -53,6 +54,8 @@ pub struct Command {
 #[derive(Clone, Debug)]
 pub struct Controller<const N: usize, O: StateObserver<N>> {
     parts: Parts<N, O>,
+    /// The same once more: what a disturbed memory changes shows as a difference.
+    copy: Parts<N, O>,
     /// What can be played.
     excitation: Option<Excitation>,
     encoder: encoder::Memory,
@@ -80,6 +83,8 @@ struct Parts<const N: usize, O> {
     sample_time: f32,
     /// `1 / k_f`, A/N.
     current_per_force: f32,
+    /// By which the machine is carried.
+    holding_force: Force,
 }
 
 impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
@@ -99,36 +104,30 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             regulator,
             limits,
             motion,
-            protection,
+            holding_force,
+            protection: _,
         } = settings;
         let force_constant = actuator.actual_force_constant();
         let (g_dist, g_reac, period) = (*disturbance_cutoff, *reaction_force_cutoff, *sample_time);
+        let rest = Rest::new(encoder, actuator, limits, period);
+        let parts = Parts {
+            encoder: *encoder,
+            protection: Protection::new(settings),
+            disturbance: DisturbanceObserver::new(actuator, g_dist, period),
+            reaction_force: ReactionForceObserver::new(actuator, g_dist, g_reac, period),
+            observer: observer.clone(),
+            moves: RigidMoves::new(*motion, force_constant, period),
+            regulator: *regulator,
+            limits: *limits,
+            direction_check: DirectionCheck::new(limits, actuator, rest, period),
+            rest,
+            sample_time: period,
+            current_per_force: 1.0 / force_constant,
+            holding_force: Force(*holding_force),
+        };
         Ok(Self {
-            parts: Parts {
-                encoder: *encoder,
-                protection: Protection::new(
-                    protection,
-                    actuator,
-                    encoder,
-                    limits,
-                    (motion.total_mass, period),
-                ),
-                disturbance: DisturbanceObserver::new(actuator, g_dist, period),
-                reaction_force: ReactionForceObserver::new(actuator, g_dist, g_reac, period),
-                observer: observer.clone(),
-                moves: RigidMoves::new(*motion, force_constant, period),
-                regulator: *regulator,
-                limits: *limits,
-                direction_check: DirectionCheck::new(
-                    limits,
-                    encoder.resolution,
-                    (force_constant, actuator.actual_mass()),
-                    period,
-                ),
-                rest: Rest::new(encoder.resolution, period),
-                sample_time: period,
-                current_per_force: 1.0 / force_constant,
-            },
+            copy: parts.clone(),
+            parts,
             excitation: None,
             encoder: encoder::Memory::default(),
             activity: Activity::Idle,
@@ -164,10 +163,20 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             (Request::Excite, Some(excitation), activity) => {
                 *activity = Activity::Exciting(Exciting::new(excitation));
             }
-            (Request::Step(_) | Request::Move(_), _, Activity::Running(running)) => {
+            (Request::Step(target) | Request::Move(target), _, Activity::Running(running)) => {
+                let travel = self.parts.protection.travel();
+                if self.encoder.is_set() && travel.is_some_and(|travel| !travel.contains(target)) {
+                    let reason = Reason::Travel;
+                    return Err(Refusal {
+                        request,
+                        mode,
+                        reason,
+                    });
+                }
                 running.asked = Some(request);
             }
-            (_, _, activity) => activity.enter(next, Position(self.telemetry.position)),
+            (Request::SetPosition(place), ..) => self.encoder.set(place),
+            (_, _, activity) => activity.enter(next, self.encoder.place()),
         }
         self.telemetry.fault_value = 0.0;
         Ok(())
@@ -196,7 +205,8 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
     ///
     /// The same path is taken in every running period; its cost does not depend on the values,
     /// apart from the one period in which a move is planned (two square roots and a cube root
-    /// more). A drive that excites does less. Idle and faulted drives get zero current and a disabled
+    /// more). In each, a part of the settings is held against its copy, all of them within as many
+    /// periods as the observer has states. A drive that excites does less. Idle and faulted drives get zero current and a disabled
     /// amplifier.
     pub fn step(&mut self, measurement: Measurement) -> Command {
         let parts = &self.parts;
@@ -204,8 +214,12 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
         let telemetry = &mut self.telemetry;
         telemetry.period = telemetry.period.wrapping_add(1);
         telemetry.count = measurement.count.0;
-        telemetry.position = reading.position.0;
+        telemetry.position = parts.encoder.distance(Place(0), reading.place).0;
+        telemetry.position_set = self.encoder.is_set();
 
+        if !parts.same(&self.copy, telemetry.period) {
+            self.activity.trip(Fault::Settings);
+        }
         let mode = self.activity.mode();
         // The record of a fault still has what was estimated before it.
         let estimated = telemetry.mode.closed_loop() || matches!(telemetry.mode, Mode::Fault(_));
@@ -232,7 +246,7 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             }
             Activity::Exciting(memory) => parts.excite(memory, &reading),
             Activity::Ready(rest) => {
-                parts.rest.may_start(rest, reading.position);
+                parts.rest.may_start(rest, &reading);
                 Ok(Some(Command::default()))
             }
             Activity::Idle | Activity::Fault(_) => Ok(Some(Command::default())),
@@ -240,7 +254,7 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
         let command = match result {
             Ok(Some(command)) => command,
             Ok(None) => {
-                self.activity.enter(mode.completed(), reading.position);
+                self.activity.enter(mode.completed(), reading.place);
                 Command::default()
             }
             Err(trip) => {
@@ -264,6 +278,54 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
 type Outcome = Result<Option<Command>, Trip>;
 
 impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
+    /// Whether a part of this is as in its copy: another part in each period.
+    fn same(&self, copy: &Self, period: u32) -> bool {
+        let rest = match period % 4 {
+            0 => self.protection == copy.protection,
+            1 => (self.disturbance, self.reaction_force) == (copy.disturbance, copy.reaction_force),
+            2 => {
+                (self.regulator, self.limits, self.encoder)
+                    == (copy.regulator, copy.limits, copy.encoder)
+            }
+            _ => {
+                (self.moves, self.direction_check, self.rest)
+                    == (copy.moves, copy.direction_check, copy.rest)
+                    && (self.sample_time, self.current_per_force, self.holding_force)
+                        == (copy.sample_time, copy.current_per_force, copy.holding_force)
+            }
+        };
+        rest && self.observer.same(&copy.observer, period as usize)
+    }
+
+    /// Current by which the machine is carried.
+    fn holding_current(&self) -> Current {
+        Current(self.holding_force.0 * self.current_per_force)
+    }
+
+    /// What a running drive begins with, where the actuator stands, at rest.
+    ///
+    /// * `set`: whether zero is known
+    fn begin(&self, place: Place, set: bool, stiction: Option<f32>) -> Loop<O::Memory> {
+        let current = self.holding_current();
+        Loop {
+            disturbance: self.disturbance.at_rest(current),
+            reaction_force: self.reaction_force.at_rest(current),
+            observer: self.observer.at_rest(self.holding_force),
+            target: place,
+            moves: rigid::Memory::default(),
+            protection: self.protection.begin(stiction, set.then_some(place)),
+        }
+    }
+
+    /// Positions are relative to another target from now on; the distance to it.
+    fn retarget(&self, memory: &mut Loop<O::Memory>, target: Place) -> Position {
+        let distance = self.encoder.distance(memory.target, target);
+        self.observer.shift(&mut memory.observer, distance);
+        memory.moves = rigid::Memory::default();
+        memory.target = target;
+        distance
+    }
+
     /// Commissioning: open loop until the signs are proven, closed from then on.
     fn commission(
         &self,
@@ -272,12 +334,13 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         stiction: &mut Option<f32>,
     ) -> Outcome {
         let check = &self.direction_check;
-        match check.step(&mut memory.direction_check, reading.position)? {
+        match check.step(&mut memory.direction_check, reading)? {
             Action::Wait => Ok(Some(Command::default())),
-            Action::Push(current) => self.limited(current),
+            Action::Push(current) => self.carried(current),
             Action::Brake(origin) => {
                 let velocity = memory.velocity(&self.disturbance, reading);
-                self.limited(self.regulator.brake(reading.position, velocity, origin))
+                let position = self.encoder.distance(origin, reading.place);
+                self.carried(self.regulator.brake(position, velocity))
             }
             Action::Done => {
                 *stiction = check.stiction(&memory.direction_check);
@@ -290,17 +353,19 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
     /// the travel allowed.
     fn excite(&self, memory: &mut Exciting, reading: &Reading) -> Outcome {
         if let Some(rest) = &mut memory.rest {
-            if self.direction_check.step(rest, reading.position)? == Action::Wait {
+            if self.direction_check.step(rest, reading)? == Action::Wait {
                 return Ok(Some(Command::default()));
             }
             memory.rest = None;
         }
         let least_motion = self.direction_check.least_motion();
         let excitation = &memory.excitation;
-        let played = excitation.step(&mut memory.played, reading.position, least_motion);
-        let value = reading.position.0;
+        let start = *memory.start.get_or_insert(reading.place);
+        let position = self.encoder.distance(start, reading.place);
+        let played = excitation.step(&mut memory.played, position, least_motion);
+        let value = position.0;
         match played.map_err(|fault| Trip { fault, value })? {
-            Some(current) => self.limited(current),
+            Some(current) => self.carried(current),
             None => Ok(None),
         }
     }
@@ -316,7 +381,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
     ) -> Outcome {
         // Never from motion: rest is proven first.
         if let Start::WaitingForRest(rest, periods) = &mut running.start {
-            if !self.rest.rested(rest) && !self.rest.may_start(rest, reading.position) {
+            if !self.rest.rested(rest) && !self.rest.may_start(rest, reading) {
                 *periods = periods.saturating_add(1);
                 if *periods as f32 * self.sample_time > PATIENCE {
                     return Err(Fault::NotAtRest.into());
@@ -329,16 +394,26 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
             Some(memory) => (memory, reading.displacement, current),
             // What was before the start is not the observers' to know.
             none => (
-                none.insert(Loop::at_rest(
-                    &self.observer,
-                    &self.moves,
-                    reading.position,
-                    self.protection.begin(stiction),
-                )),
+                none.insert(self.begin(reading.place, telemetry.position_set, stiction)),
                 0.0,
-                Current(0.0),
+                self.holding_current(),
             ),
         };
+        match running.asked {
+            Some(Request::Step(target)) => {
+                self.retarget(memory, target);
+                running.asked = None;
+            }
+            Some(Request::Move(target)) if !self.moves.moving(&memory.moves) => {
+                let distance = self.retarget(memory, target);
+                if !self.moves.move_by(&mut memory.moves, distance) {
+                    return Err(Fault::Target.into());
+                }
+                running.asked = None;
+            }
+            _ => {}
+        }
+        let position = self.encoder.distance(memory.target, reading.place);
         let disturbance = self
             .disturbance
             .step(&mut memory.disturbance, displacement, current);
@@ -346,46 +421,31 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
             self.reaction_force
                 .step(&mut memory.reaction_force, &disturbance, current);
         let seen = Seen {
-            position: reading.position,
+            position,
             mean_velocity: disturbance.mean_velocity,
             velocity: disturbance.velocity,
             current,
             reaction_force,
         };
         let estimate = self.observer.step(&mut memory.observer, &seen);
-
-        match running.asked {
-            Some(Request::Step(position)) => {
-                if !position.0.is_finite() {
-                    return Err(Fault::Target.into());
-                }
-                self.moves.step_to(&mut memory.moves, position);
-                running.asked = None;
-            }
-            Some(Request::Move(position)) if !self.moves.moving(&memory.moves) => {
-                if !self.moves.move_to(&mut memory.moves, position) {
-                    return Err(Fault::Target.into());
-                }
-                running.asked = None;
-            }
-            _ => {}
-        }
         let reference = self.moves.step(&mut memory.moves);
         let feedback = self.regulator.step(&estimate, &reference);
         let compensation = estimate.disturbance.0 * self.current_per_force;
 
-        telemetry.reference = reference.position.0;
+        let target = self.encoder.distance(Place(0), memory.target).0;
+        telemetry.reference = target + reference.position.0;
         telemetry.velocity = estimate.velocity.0;
         telemetry.disturbance = disturbance.force.0;
         telemetry.reaction_force = reaction_force.0;
         telemetry.disturbance_state = estimate.disturbance.0;
         telemetry.load_velocity = estimate.load_velocity;
         for (position, deflection) in telemetry.load_position.iter_mut().zip(&estimate.deflection) {
-            *position = estimate.position.0 + deflection;
+            *position = target + estimate.position.0 + deflection;
         }
 
         let period = Period {
             reading,
+            position,
             current,
             heat,
             reaction_force,
@@ -399,19 +459,24 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
             // What led to the braking is no news while it goes on.
             if running.stopping.is_none() {
                 telemetry.fault_value = trip.value;
-                running.stopping = Some(Stopping::new(trip.fault, reading.position));
+                running.stopping = Some(Stopping::new(trip.fault, reading.place));
                 running.asked = None;
-                self.moves.step_to(&mut memory.moves, reading.position);
+                self.retarget(memory, reading.place);
             }
         }
         if let Some(stopping) = &mut running.stopping
-            && stopping.ended(&self.rest, reading.position, self.sample_time)
+            && stopping.ended(&self.rest, reading, self.sample_time)
         {
             return Ok(None);
         }
         self.limited(Current(
             reference.feed_forward.0 + feedback.0 + compensation,
         ))
+    }
+
+    /// The command of an open loop: a current beside what carries the machine.
+    fn carried(&self, current: Current) -> Outcome {
+        self.limited(Current(current.0 + self.holding_current().0))
     }
 
     /// The command that applies a current as far as the limits allow.

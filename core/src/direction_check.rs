@@ -11,17 +11,17 @@
 //!         no observer can upset, until the actuator stands
 //! ```
 //!
-//! At most `COUNTS` counts are travelled with an unproven sign.
+//! At most `PROOF` grains (see [`rest`](crate::rest)) are travelled with an unproven sign.
 
+use crate::actuator::Actuator;
+use crate::encoder::Reading;
 use crate::fault::Fault;
 use crate::limits::Limits;
-use crate::rest::{self, Rest};
-use crate::units::{Current, Position};
+use crate::rest::{self, Rest, SLOW as PROOF};
+use crate::units::{Current, Place};
 
-/// Counts that prove a direction.
-const COUNTS: f32 = 50.0;
-/// Counts by which the actuator is seen to move at all.
-const SEEN_COUNTS: f32 = 3.0;
+/// Grains by which the actuator is seen to move at all.
+const SEEN: f32 = 3.0;
 /// How long to wait for that, before and after the ramp, s.
 pub(crate) const PATIENCE: f32 = 2.0;
 /// How long the current rises, s, and to which share of its limit.
@@ -35,8 +35,8 @@ pub enum Action {
     Wait,
     /// Open loop: this current.
     Push(Current),
-    /// Close the loop around the actuator alone, towards this position.
-    Brake(Position),
+    /// Close the loop around the actuator alone, towards this place.
+    Brake(Place),
     /// All proven, the actuator stands.
     Done,
 }
@@ -45,7 +45,6 @@ pub enum Action {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionCheck {
     sample_time: f32,
-    resolution: f32,
     largest_current: f32,
     rest: Rest,
     /// N/A, kg
@@ -68,30 +67,24 @@ pub struct Memory {
     /// Periods in this phase.
     periods: u32,
     rest: rest::Memory,
+    /// What cannot be the encoder's noise, grains.
+    noise: f32,
     /// Where the actuator was when the current began to rise.
-    origin: Option<f32>,
-    /// Current at which it was first seen to move.
-    breakaway: Option<f32>,
+    origin: Option<Place>,
+    /// Current at which it was first seen to move, and by how many grains it had.
+    breakaway: Option<(f32, f32)>,
 }
 
 impl DirectionCheck {
-    /// * `resolution`: m per count
-    /// * `force_constant`: N/A; `actuator_mass`: kg
     /// * `sample_time`: s
     #[must_use]
-    pub fn new(
-        limits: &Limits,
-        resolution: f32,
-        (force_constant, actuator_mass): (f32, f32),
-        sample_time: f32,
-    ) -> Self {
+    pub(crate) fn new(limits: &Limits, actuator: &Actuator, rest: Rest, sample_time: f32) -> Self {
         Self {
             sample_time,
-            resolution,
             largest_current: RAMP_SHARE * limits.current_limit,
-            rest: Rest::new(resolution, sample_time),
-            force_constant,
-            actuator_mass,
+            rest,
+            force_constant: actuator.actual_force_constant(),
+            actuator_mass: actuator.actual_mass(),
         }
     }
 
@@ -102,11 +95,10 @@ impl DirectionCheck {
     #[must_use]
     pub fn stiction(&self, memory: &Memory) -> Option<f32> {
         let rate = self.force_constant * self.largest_current / RAMP_TIME;
-        let time = libm::powf(
-            6.0 * self.actuator_mass * SEEN_COUNTS * self.resolution / rate,
-            1.0 / 3.0,
-        );
-        let breakaway = self.force_constant * memory.breakaway?;
+        let (current, grains) = memory.breakaway?;
+        let moved = self.rest.metres(grains);
+        let time = libm::powf(6.0 * self.actuator_mass * moved / rate, 1.0 / 3.0);
+        let breakaway = self.force_constant * current;
         // One period, because it is seen in whole ones.
         Some((breakaway - rate * (time + self.sample_time)).max(0.0))
     }
@@ -114,39 +106,44 @@ impl DirectionCheck {
     /// What proves that the encoder moves, m.
     #[must_use]
     pub fn least_motion(&self) -> f32 {
-        COUNTS * self.resolution
+        self.rest.metres(PROOF)
     }
 
-    /// One period at a measured position.
+    /// One period.
     ///
     /// # Errors
     /// The fault that stops the drive: no rest, no motion, or motion in the wrong direction.
-    pub fn step(&self, memory: &mut Memory, position: Position) -> Result<Action, Fault> {
-        let origin = *memory.origin.get_or_insert(position.0);
-        let moved = (position.0 - origin) / self.resolution;
+    pub fn step(&self, memory: &mut Memory, reading: &Reading) -> Result<Action, Fault> {
+        let origin = *memory.origin.get_or_insert(reading.place);
+        let moved = self.rest.grains(origin, reading.place);
         let time = memory.periods as f32 * self.sample_time;
         memory.periods = memory.periods.saturating_add(1);
         let rested = if memory.phase == Phase::Rest {
-            self.rest.step(&mut memory.rest, position)
+            self.rest.step(&mut memory.rest, reading)
         } else {
-            self.rest.within(&mut memory.rest, position, COUNTS)
+            self.rest.within(&mut memory.rest, reading, PROOF)
         };
-        let breakaway = memory.breakaway;
+        let (rest, breakaway) = (memory.rest, memory.breakaway);
         let next = |phase, origin| Memory {
             phase,
             origin: Some(origin),
-            rest: rest::Memory::at(position),
+            rest: rest.moved_to(reading.place),
             breakaway,
             ..Memory::default()
         };
 
         let rising = self.largest_current * time / RAMP_TIME;
-        if memory.phase == Phase::Ramp && memory.breakaway.is_none() && moved.abs() >= SEEN_COUNTS {
-            memory.breakaway = Some(rising);
+        if memory.phase == Phase::Ramp && memory.breakaway.is_none() {
+            let seen = SEEN.max(memory.noise);
+            memory.breakaway = (moved.abs() >= seen).then_some((rising, seen));
         }
         match memory.phase {
             Phase::Rest if rested => {
-                *memory = next(Phase::Ramp, position.0);
+                let noise = self.rest.beyond_noise(&rest);
+                *memory = Memory {
+                    noise,
+                    ..next(Phase::Ramp, reading.place)
+                };
                 Ok(Action::Push(Current(0.0)))
             }
             Phase::Rest => {
@@ -156,16 +153,16 @@ impl DirectionCheck {
                     Ok(Action::Wait)
                 }
             }
-            Phase::Ramp if moved >= COUNTS => {
+            Phase::Ramp if moved >= PROOF => {
                 *memory = next(Phase::Brake, origin);
-                Ok(Action::Brake(Position(origin)))
+                Ok(Action::Brake(origin))
             }
-            Phase::Ramp if moved <= -COUNTS => Err(Fault::Direction),
+            Phase::Ramp if moved <= -PROOF => Err(Fault::Direction),
             Phase::Ramp if time > RAMP_TIME => Err(Fault::NoMotion),
             Phase::Ramp => Ok(Action::Push(Current(rising))),
             Phase::Brake if rested => Ok(Action::Done),
             Phase::Brake if time > PATIENCE => Err(Fault::NotAtRest),
-            Phase::Brake => Ok(Action::Brake(Position(origin))),
+            Phase::Brake => Ok(Action::Brake(origin)),
         }
     }
 }
@@ -173,29 +170,51 @@ impl DirectionCheck {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::encoder::{self, Encoder};
+    use crate::units::Counts;
 
     const T: f32 = 1e-3;
     const RESOLUTION: f32 = 1e-6;
+    const ENCODER: Encoder = Encoder {
+        resolution: RESOLUTION,
+        counter_bits: 32,
+    };
 
     fn check() -> DirectionCheck {
         let limits = Limits {
             current_limit: 2.0,
             current_resolution: 1e-3,
         };
-        DirectionCheck::new(&limits, RESOLUTION, (6.0, 0.1), T)
+        let actuator = Actuator {
+            mass: 0.1,
+            force_constant: 6.0,
+            mass_deviation: 0.0,
+            force_constant_deviation: 0.0,
+        };
+        let rest = Rest::new(&ENCODER, &actuator, &limits, T);
+        DirectionCheck::new(&limits, &actuator, rest, T)
+    }
+
+    /// What an encoder reads at a position.
+    fn read(memory: &mut encoder::Memory, position: f32) -> Reading {
+        ENCODER.step(
+            memory,
+            Counts(libm::roundf(position / RESOLUTION) as i32 as u32),
+        )
     }
 
     /// A rigid actuator of 0.1 kg and `gain` N/A under the pushed current; brought back by hand.
     fn run(gain: f32) -> (Result<Action, Fault>, f32) {
-        let (mut memory, check) = (Memory::default(), check());
+        let (mut memory, mut encoder, check) =
+            (Memory::default(), encoder::Memory::default(), check());
         let (mut position, mut velocity, mut farthest) = (0.3_f32, 0.0_f32, 0.0_f32);
         for _ in 0..10_000 {
-            match check.step(&mut memory, Position(position)) {
+            match check.step(&mut memory, &read(&mut encoder, position)) {
                 Ok(Action::Push(current)) => velocity += gain * current.0 / 0.1 * T,
                 Ok(Action::Brake(origin)) => {
-                    assert!((origin.0 - 0.3).abs() < 1e-6);
+                    assert_eq!(origin, Place(300_000));
                     velocity = 0.0;
-                    position += (origin.0 - position) * 0.05;
+                    position += (0.3 - position) * 0.05;
                 }
                 Ok(Action::Wait) => {}
                 end => return (end, farthest),
@@ -216,10 +235,11 @@ mod tests {
     #[test]
     fn the_breakaway_force_is_measured() {
         for friction in [0.0, 0.05, 0.2, 1.0] {
-            let (mut memory, check) = (Memory::default(), check());
+            let (mut memory, mut encoder, check) =
+                (Memory::default(), encoder::Memory::default(), check());
             let (mut position, mut velocity) = (0.3_f32, 0.0_f32);
             let found = loop {
-                match check.step(&mut memory, Position(position)) {
+                match check.step(&mut memory, &read(&mut encoder, position)) {
                     Ok(Action::Push(current)) => {
                         let force = 6.0 * current.0;
                         let sliding = velocity > 0.0 || force > friction;
@@ -247,7 +267,7 @@ mod tests {
     fn the_wrong_sign_stops_within_a_few_counts() {
         let (end, farthest) = run(-6.0);
         assert_eq!(end, Err(Fault::Direction));
-        assert!(farthest < 2.0 * COUNTS * RESOLUTION, "{farthest}");
+        assert!(farthest < 2.0 * PROOF * RESOLUTION, "{farthest}");
     }
 
     #[test]
@@ -257,12 +277,13 @@ mod tests {
 
     #[test]
     fn a_moving_machine_is_not_pushed() {
-        let (mut memory, check) = (Memory::default(), check());
+        let (mut memory, mut encoder, check) =
+            (Memory::default(), encoder::Memory::default(), check());
         let mut k = 0;
         let end = loop {
-            let position = Position(k as f32 * 3.0 * RESOLUTION);
+            let position = k as f32 * 3.0 * RESOLUTION;
             k += 1;
-            match check.step(&mut memory, position) {
+            match check.step(&mut memory, &read(&mut encoder, position)) {
                 Ok(action) => assert_eq!(action, Action::Wait),
                 Err(fault) => break fault,
             }

@@ -59,6 +59,15 @@ pub struct Disturbance<T = f32> {
 }
 
 impl<T: Real> DisturbanceObserver<T> {
+    /// The memory of an actuator at rest under a current that has flown for long.
+    #[must_use]
+    pub fn at_rest(&self, current: Current<T>) -> Memory<T> {
+        Memory {
+            motor_force: self.force_constant * current.0,
+            ..Memory::default()
+        }
+    }
+
     /// * `cutoff`: `g_dist`, rad/s
     /// * `sample_time`: `T`, s
     ///

@@ -2,12 +2,13 @@
 //!
 //! The counter of the hardware is 2 to 32 bits wide and wraps. Each reading is compared with
 //! the one before, modulo the width, and the difference is added to a 64-bit total: wrapping costs
-//! nothing, and displacements are exact everywhere. The position in metres is `f32`, exact to the count
-//! within 2²⁴ counts of the origin (16.8 m at 1 um). The first reading is taken as a signed
-//! number, so that a drive started left of the index is at a negative position.
+//! nothing, and that total is the [`Place`] of the actuator. Metres are `f32` and always relative to a
+//! place near by, so that the drive is as exact a million turns from zero as at zero. The first reading is
+//! taken as a signed number, so that a drive started left of the index is at a negative position; what
+//! is zero is unknown until the position has been set.
 
 use crate::check::{SettingsError, positive};
-use crate::units::{Counts, Position};
+use crate::units::{Counts, Place, Position};
 use serde::{Deserialize, Serialize};
 
 /// The encoder.
@@ -23,15 +24,34 @@ pub struct Encoder {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
     last: u32,
-    total: i64,
+    place: Place,
     started: bool,
+    set: bool,
+}
+
+impl Memory {
+    /// Where the actuator was at the last reading.
+    pub(crate) const fn place(&self) -> Place {
+        self.place
+    }
+
+    /// The actuator stands there; zero is known from now on.
+    pub(crate) const fn set(&mut self, place: Place) {
+        self.place = place;
+        self.set = true;
+    }
+
+    /// Whether zero is known.
+    pub(crate) const fn is_set(&self) -> bool {
+        self.set
+    }
 }
 
 /// What one reading says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// Position of the actuator, m.
-    pub position: Position,
+    /// Where the actuator is.
+    pub place: Place,
     /// Distance since the reading before, m; zero for the first.
     pub displacement: f32,
     /// Whether the counter moved by more than a quarter of its range since the reading before,
@@ -57,17 +77,33 @@ impl Encoder {
             0
         };
         if memory.started {
-            memory.total = memory.total.wrapping_add(i64::from(difference));
+            memory.place.0 = memory.place.0.wrapping_add(i64::from(difference));
         } else {
-            memory.total = i64::from(self.signed(count.0));
+            // A position that was set before the first reading is that of this reading.
+            if !memory.set {
+                memory.place = Place(i64::from(self.signed(count.0)));
+            }
             memory.started = true;
         }
         memory.last = count.0;
         Reading {
-            position: Position(memory.total as f32 * self.resolution),
+            place: memory.place,
             displacement: difference as f32 * self.resolution,
             jump: difference.unsigned_abs() > 1_u32.wrapping_shl(self.counter_bits.wrapping_sub(2)),
         }
+    }
+
+    /// Distance from one place to another.
+    #[must_use]
+    pub fn distance(&self, from: Place, to: Place) -> Position {
+        Position(to.counts_from(from) as f32 * self.resolution)
+    }
+
+    /// The place nearest to a position from zero; what is no number is zero.
+    #[must_use]
+    pub fn place(&self, position: Position) -> Place {
+        // The cast saturates.
+        Place(libm::roundf(position.0 / self.resolution) as i64)
     }
 
     /// The lowest `counter_bits` of a number as two's complement.
@@ -85,18 +121,18 @@ mod tests {
     #[test]
     fn first_reading_is_signed() {
         for (bits, raw, expected) in [
-            (16, 0_u32, 0.0),
-            (16, 2000, 2000.0),
-            (16, 0xFFFF, -1.0),
-            (16, 0x8000, -32768.0),
-            (32, 0xFFFF_FFFE, -2.0),
+            (16, 0_u32, 0),
+            (16, 2000, 2000),
+            (16, 0xFFFF, -1),
+            (16, 0x8000, -32768),
+            (32, 0xFFFF_FFFE, -2),
         ] {
             let encoder = Encoder {
                 resolution: 1.0,
                 counter_bits: bits,
             };
             let reading = encoder.step(&mut Memory::default(), Counts(raw));
-            assert_eq!(reading.position.0, expected);
+            assert_eq!(reading.place, Place(expected));
             assert_eq!(reading.displacement, 0.0);
             assert!(!reading.jump);
         }
@@ -136,7 +172,7 @@ mod tests {
             for step in steps {
                 truth += step;
                 let reading = encoder.step(&mut memory, Counts(truth.rem_euclid(modulus) as u32));
-                prop_assert_eq!(reading.position.0, truth as f32);
+                prop_assert_eq!(reading.place, Place(truth));
                 prop_assert_eq!(reading.displacement, step as f32);
             }
         }
@@ -148,7 +184,8 @@ mod tests {
             let mut memory = Memory::default();
             for count in raw {
                 let reading = encoder.step(&mut memory, Counts(count));
-                prop_assert!(reading.position.0.is_finite() && reading.displacement.is_finite());
+                prop_assert!(reading.displacement.is_finite());
+                prop_assert!(encoder.distance(Place(i64::MIN), reading.place).0.is_finite());
             }
         }
     }

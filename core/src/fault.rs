@@ -79,8 +79,9 @@ faults! {
         "connect encoder, amplifier and motor, release what holds the actuator", None;
     7 NotAtRest Off "the actuator does not come to rest",
         "keep it from moving by itself while the drive starts", None;
-    8 Travel Off "the actuator left the travel allowed to it while it was excited",
-        "excite with less current or allow more travel", Some("excite --travel");
+    8 Travel Brake "the actuator left its travel (an excitation has no loop to brake with: off at once)",
+        "excite with less current, ask for what is within the travel, or allow more",
+        Some("protection.travel, excite --travel");
     9 EncoderStep Off "the encoder's motion changes by more in one period than any force can do",
         "check encoder, wiring and shielding; state the true mass", Some("protection.encoder_step");
     10 Velocity Off "the actuator is faster than it may be",
@@ -108,6 +109,8 @@ faults! {
         "report it: the processor does not keep its time", None;
     20 Amplifier Off "the amplifier reports a fault",
         "see the amplifier's own manual", None;
+    21 Settings Off "the settings in the drive's memory are no longer those it started with",
+        "reset the drive; look for what disturbs its memory if it comes again", None;
 }
 
 impl Fault {

@@ -43,7 +43,7 @@
 //!         return Ok(Command::default());
 //!     };
 //!     controller.request(Request::Commission)?;
-//!     // When it is ready: Request::Start, then Request::Step(Position(0.03)).
+//!     // When it is ready: Request::Start, then Request::Step(Place(30_000)).
 //!     Ok(controller.step(Measurement { count: Counts(0), current: Current(0.0) }))
 //! }
 //! ```
@@ -84,4 +84,4 @@ pub use link::{Refusal, Request};
 pub use mode::Mode;
 pub use settings::Settings;
 pub use telemetry::{Identity, Telemetry};
-pub use units::{Counts, Current, Force, Position, Velocity};
+pub use units::{Counts, Current, Force, Place, Position, Velocity};

@@ -1,7 +1,7 @@
 //! What is asked of the drive, and what it answers. Plain data without a transport.
 
 use crate::mode::Mode;
-use crate::units::Position;
+use crate::units::Place;
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
@@ -18,11 +18,14 @@ pub enum Request {
     Start,
     /// Open the loop, end whatever is going on, acknowledge a fault; always taken.
     Stop,
+    /// The actuator stands there: from now on zero is known, and with it the travel; idle or ready drives
+    /// only.
+    SetPosition(Place),
     /// Put the reference there at once; running drives only.
-    Step(Position),
+    Step(Place),
     /// Move the reference there within the limits of motion, after the move under way if there
     /// is one; running drives only.
-    Move(Position),
+    Move(Place),
 }
 
 /// Why a request was not taken.
@@ -46,6 +49,8 @@ pub enum Reason {
     Mode,
     /// The drive has nothing to play.
     NoExcitation,
+    /// The target is outside the travel.
+    Travel,
 }
 
 impl Mode {
@@ -57,6 +62,7 @@ impl Mode {
         match (self, request) {
             (Self::Idle | Self::Ready, Request::Commission) => Ok(Self::Commissioning),
             (Self::Idle | Self::Ready, Request::Excite) => Ok(Self::Exciting),
+            (Self::Idle | Self::Ready, Request::SetPosition(_)) => Ok(self),
             (Self::Ready, Request::Start)
             | (Self::Running, Request::Step(_) | Request::Move(_)) => Ok(Self::Running),
             (Self::Running | Self::Ready, Request::Stop) => Ok(Self::Ready),
@@ -78,11 +84,16 @@ impl fmt::Display for Refusal {
             Request::Excite => ("excite", "an idle or ready"),
             Request::Start => ("start", "a ready"),
             Request::Stop => ("stop", "any"),
+            Request::SetPosition(_) => ("set position", "an idle or ready"),
             Request::Step(_) => ("step", "a running"),
             Request::Move(_) => ("move", "a running"),
         };
         match self.reason {
             Reason::Mode => write!(f, "{request} is for {wanted} drive, and this one is "),
+            Reason::Travel => write!(
+                f,
+                "{request}: the target is outside the travel, the drive is "
+            ),
             Reason::NoExcitation => write!(f, "{request}: there is nothing to play, the drive is "),
         }?;
         match self.mode {
@@ -123,7 +134,7 @@ mod tests {
     #[test]
     fn the_whole_table() {
         use Mode::{Commissioning, Exciting, Idle, Ready, Running};
-        let step = Request::Step(Position(0.01));
+        let step = Request::Step(Place(10_000));
         let taken = [
             (
                 Request::Commission,
@@ -132,6 +143,10 @@ mod tests {
             (
                 Request::Excite,
                 vec![(Mode::Idle, Exciting), (Ready, Exciting)],
+            ),
+            (
+                Request::SetPosition(Place(5)),
+                vec![(Idle, Idle), (Ready, Ready)],
             ),
             (Request::Start, vec![(Ready, Running)]),
             (
@@ -147,7 +162,7 @@ mod tests {
                 ],
             ),
             (step, vec![(Running, Running)]),
-            (Request::Move(Position(0.01)), vec![(Running, Running)]),
+            (Request::Move(Place(10_000)), vec![(Running, Running)]),
         ];
         for (request, row) in taken {
             for mode in MODES {
@@ -175,10 +190,11 @@ mod tests {
     fn no_loop_is_closed_with_unproven_signs() {
         let requests = [
             Request::Excite,
+            Request::SetPosition(Place(0)),
             Request::Start,
             Request::Stop,
-            Request::Step(Position(0.0)),
-            Request::Move(Position(0.0)),
+            Request::Step(Place(0)),
+            Request::Move(Place(0)),
         ];
         let mut reached = std::vec![Mode::Idle, Mode::Fault(Fault::NoMotion)];
         for _ in 0..MODES.len() {
@@ -204,7 +220,7 @@ mod tests {
             "start is for a ready drive, and this one is idle"
         );
         assert_eq!(
-            refused(Mode::Fault(Fault::Travel), Request::Step(Position(0.0))),
+            refused(Mode::Fault(Fault::Travel), Request::Step(Place(0))),
             "step is for a running drive, and this one is stopped by fault 8 (Travel)"
         );
     }
@@ -213,7 +229,7 @@ mod tests {
     #[test]
     fn they_survive_a_wire() {
         let refusal = Mode::Fault(Fault::Direction)
-            .next(Request::Move(Position(0.03)))
+            .next(Request::Move(Place(30_000)))
             .unwrap_err();
         let mut buffer = [0; 32];
         let bytes = postcard::to_slice(&refusal, &mut buffer).unwrap();

@@ -33,8 +33,16 @@ pub trait StateObserver<const N: usize> {
     /// [`SettingsError::NotFinite`] with the name of the coefficient.
     fn check(&self) -> Result<(), SettingsError>;
 
-    /// The memory at rest: every mass at the actuator's position, no force.
-    fn at_rest(&self, position: Position) -> Self::Memory;
+    /// Whether one part of the coefficients is as in a copy, a different part for each of as many numbers as
+    /// there are states.
+    fn same(&self, copy: &Self, part: usize) -> bool;
+
+    /// The memory at rest: every mass at the actuator's position, which is zero, and a steady force on the
+    /// actuator that the motor holds.
+    fn at_rest(&self, disturbance: Force) -> Self::Memory;
+
+    /// Positions are relative to a place that moves by a distance, m.
+    fn shift(&self, memory: &mut Self::Memory, distance: Position);
 
     /// One period.
     fn step(&self, memory: &mut Self::Memory, seen: &Seen) -> Estimate<N>;
@@ -43,7 +51,7 @@ pub trait StateObserver<const N: usize> {
 /// What is seen of the actuator in one period.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen {
-    /// Measured position.
+    /// Measured position, relative to the target.
     pub position: Position,
     /// Mean velocity over the period.
     pub mean_velocity: Velocity,
@@ -58,7 +66,7 @@ pub struct Seen {
 /// Estimate of the whole chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate<const N: usize> {
-    /// Position of the actuator.
+    /// Position of the actuator, relative to the target.
     pub position: Position,
     /// Velocity of the actuator.
     pub velocity: Velocity,
@@ -121,6 +129,18 @@ impl<const S: usize> LinearObserver<S> {
         finite("observer.input", self.input.iter())?;
         finite("observer.output", self.output.iter())?;
         finite("observer.correction", self.correction.iter())
+    }
+
+    /// See [`StateObserver::same`].
+    fn same(&self, copy: &Self, part: usize) -> bool {
+        let part = part % S;
+        let column = self.transition.column(part);
+        // By their bits, which is faster than as numbers.
+        let same = |(a, b): (&f32, &f32)| a.to_bits() == b.to_bits();
+        column.iter().zip(&copy.transition.column(part)).all(same)
+            && same((&self.input[part], &copy.input[part]))
+            && same((&self.output[part], &copy.output[part]))
+            && same((&self.correction[part], &copy.correction[part]))
     }
 
     /// Predicts and corrects the state `z`; the innovation.

@@ -7,7 +7,7 @@
 //! ```text
 //! any mode                thermal (the heat of the motor)
 //! any mode with current   applied_current, encoder_jump
-//! running                 encoder_step, within, stall, saturation, thermal
+//! running                 encoder_step, within, stall, saturation, travel, thermal
 //! ```
 
 mod applied_current;
@@ -16,16 +16,16 @@ mod encoder_step;
 mod saturation;
 mod stall;
 mod thermal;
+mod travel;
 mod within;
 
-use crate::actuator::Actuator;
 use crate::check::{SettingsError, positive};
 use crate::encoder::{Encoder, Reading};
 use crate::fault::Fault;
-use crate::limits::Limits;
 use crate::moves::Reference;
 use crate::observer::Estimate;
-use crate::units::{Current, Force};
+use crate::settings::Settings;
+use crate::units::{Current, Force, Place, Position};
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
 pub(crate) use thermal::Heat;
@@ -57,6 +57,25 @@ pub struct ProtectionLimits<const N: usize> {
     pub continuous_current: f32,
     /// See `continuous_current`.
     pub thermal_time: f32,
+    /// Where the actuator may be once the position has been set; anywhere when absent.
+    pub travel: Option<Travel>,
+}
+
+/// The part of the axis that the actuator may use, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Travel {
+    /// Its lower end.
+    pub lowest: Place,
+    /// Its upper end.
+    pub highest: Place,
+}
+
+impl Travel {
+    /// Whether a place is in it.
+    #[must_use]
+    pub fn contains(&self, place: Place) -> bool {
+        (self.lowest..=self.highest).contains(&place)
+    }
 }
 
 impl<const N: usize> ProtectionLimits<N> {
@@ -73,7 +92,11 @@ impl<const N: usize> ProtectionLimits<N> {
         positive("protection.stiction", self.stiction)?;
         positive("protection.saturation_time", self.saturation_time)?;
         positive("protection.continuous_current", self.continuous_current)?;
-        positive("protection.thermal_time", self.thermal_time)
+        positive("protection.thermal_time", self.thermal_time)?;
+        match self.travel {
+            Some(travel) if travel.lowest >= travel.highest => Err(SettingsError::Travel),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -103,6 +126,8 @@ fn beyond(fault: Fault, value: f32, limit: f32) -> Result<(), Trip> {
 /// What a running period is judged by.
 pub(crate) struct Period<'a, const N: usize> {
     pub(crate) reading: &'a Reading,
+    /// Position relative to the target.
+    pub(crate) position: Position,
     /// Applied over the period that ends now.
     pub(crate) current: Current,
     pub(crate) heat: Heat,
@@ -112,7 +137,7 @@ pub(crate) struct Period<'a, const N: usize> {
 }
 
 /// All watches.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Protection<const N: usize> {
     limits: ProtectionLimits<N>,
     applied_current: applied_current::AppliedCurrent,
@@ -120,6 +145,10 @@ pub(crate) struct Protection<const N: usize> {
     stall: stall::Stall,
     saturation: saturation::Saturation,
     thermal: thermal::Thermal,
+    encoder: Encoder,
+    /// What the motor carries, N, and the current that it needs for it, A.
+    holding_force: f32,
+    holding_current: f32,
 }
 
 /// What the watches of a running drive remember.
@@ -128,17 +157,24 @@ pub(crate) struct Memory {
     encoder_step: encoder_step::Memory,
     stall: stall::Memory,
     saturated: u32,
+    /// Where the actuator may be.
+    travel: Option<Travel>,
 }
 
 impl<const N: usize> Protection<N> {
-    /// * `total_mass`: of actuator and loads, kg; `sample_time`: s
-    pub(crate) fn new(
-        protection: &ProtectionLimits<N>,
-        actuator: &Actuator,
-        encoder: &Encoder,
-        limits: &Limits,
-        (total_mass, sample_time): (f32, f32),
-    ) -> Self {
+    /// The watches of a drive.
+    pub(crate) fn new<O>(settings: &Settings<N, O>) -> Self {
+        let Settings {
+            sample_time,
+            encoder,
+            actuator,
+            limits,
+            motion,
+            holding_force,
+            protection,
+            ..
+        } = settings;
+        let sample_time = *sample_time;
         Self {
             limits: protection.clone(),
             applied_current: applied_current::AppliedCurrent::new(limits),
@@ -152,7 +188,7 @@ impl<const N: usize> Protection<N> {
                 encoder.resolution,
                 protection.stiction,
                 limits.current_limit,
-                total_mass,
+                motion.total_mass,
                 sample_time,
             ),
             saturation: saturation::Saturation::new(
@@ -165,17 +201,28 @@ impl<const N: usize> Protection<N> {
                 protection.thermal_time,
                 sample_time,
             ),
+            encoder: *encoder,
+            holding_force: *holding_force,
+            holding_current: holding_force / actuator.actual_force_constant(),
         }
     }
 
     /// What a running drive begins with.
     ///
     /// * `stiction`: by which friction has been seen to hold the actuator, N
-    pub(crate) fn begin(&self, stiction: Option<f32>) -> Memory {
+    /// * `place`: where it stands, if zero is known
+    pub(crate) fn begin(&self, stiction: Option<f32>, place: Option<Place>) -> Memory {
+        let travel = self.limits.travel.zip(place);
         Memory {
-            stall: self.stall.begin(stiction),
+            stall: self.stall.begin(stiction, self.holding_force),
+            travel: travel.map(|(travel, place)| travel.from(place)),
             ..Memory::default()
         }
+    }
+
+    /// The travel that the settings allow.
+    pub(crate) const fn travel(&self) -> Option<&Travel> {
+        self.limits.travel.as_ref()
     }
 
     /// One period of any mode: how hot the motor is. What cannot have been applied has not heated it.
@@ -200,13 +247,15 @@ impl<const N: usize> Protection<N> {
         let Period {
             reading, current, ..
         } = period;
+        let moving = Current(current.0 - self.holding_current);
         self.encoder_step
-            .step(&mut memory.encoder_step, reading, *current)?;
-        within::step(&self.limits, period)?;
+            .step(&mut memory.encoder_step, reading, moving)?;
+        within::step(&self.limits, self.holding_force, period)?;
         let unexplained = period.estimate.disturbance.0 + period.estimate.innovation.0;
         let forces = [self.stall.motor(*current), unexplained];
         self.stall.step(&mut memory.stall, reading, forces)?;
         self.saturation.step(&mut memory.saturated, *current)?;
+        travel::step(memory.travel, reading, &self.encoder)?;
         self.thermal.judge(period.heat)
     }
 }

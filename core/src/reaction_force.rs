@@ -41,6 +41,16 @@ pub struct Memory<T = f32> {
 }
 
 impl<T: Real> ReactionForceObserver<T> {
+    /// The memory of an actuator at rest under a current that has flown for long.
+    #[must_use]
+    pub fn at_rest(&self, current: Current<T>) -> Memory<T> {
+        Memory {
+            motor_force: self.actuator.force_constant * current.0,
+            current: current.0,
+            ..Memory::default()
+        }
+    }
+
     /// * `disturbance_cutoff`: `g_dist`, rad/s
     /// * `cutoff`: `g_reac`, rad/s
     /// * `sample_time`: `T`, s
@@ -168,6 +178,24 @@ mod tests {
                     "{g_reac}"
                 );
             }
+        }
+    }
+
+    /// An actuator that has been at rest under a current for long is found under just that force.
+    #[test]
+    fn a_steady_current_is_a_steady_force() {
+        let actual = Actuator {
+            force_constant_deviation: -0.5,
+            ..NOMINAL
+        };
+        let mut observers = Both::new(actual, 628.0, 300.0);
+        let current = Current(0.2);
+        observers.disturbance.1 = observers.disturbance.0.at_rest(current);
+        observers.reaction_force.1 = observers.reaction_force.0.at_rest(current);
+        for _ in 0..20 {
+            let forces = observers.step(0.0, current);
+            assert!((forces.disturbance.0 - 0.2 * 6.43).abs() < 1e-6);
+            assert!((forces.reaction_force.0 - 0.2 * 5.93).abs() < 1e-6);
         }
     }
 

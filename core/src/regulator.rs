@@ -48,14 +48,9 @@ impl<const N: usize> Regulator<N> {
 
     /// Current that brings an actuator at rest, as if the load were rigid: no observer can upset it.
     ///
-    /// * `position`, `velocity`: of the actuator, and so of every mass
+    /// * `position`, `velocity`: of the actuator, and so of every mass, relative to where it is to stand
     #[must_use]
-    pub(crate) fn brake(
-        &self,
-        position: Position,
-        velocity: Velocity,
-        target: Position,
-    ) -> Current {
+    pub(crate) fn brake(&self, position: Position, velocity: Velocity) -> Current {
         let rigid = Estimate {
             position,
             velocity,
@@ -64,8 +59,7 @@ impl<const N: usize> Regulator<N> {
             disturbance: Force(0.0),
             innovation: Force(0.0),
         };
-        let reference = Reference::rigid(target, Velocity(0.0), Current(0.0));
-        self.step(&rigid, &reference)
+        self.step(&rigid, &Reference::default())
     }
 
     pub(crate) fn check(&self) -> Result<(), SettingsError> {

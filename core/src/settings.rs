@@ -7,7 +7,7 @@
 //! a file (serde).
 
 use crate::actuator::Actuator;
-use crate::check::{SettingsError, positive};
+use crate::check::{SettingsError, finite, positive};
 use crate::encoder::Encoder;
 use crate::limits::Limits;
 use crate::moves::rigid::MotionLimits;
@@ -37,6 +37,9 @@ pub struct Settings<const N: usize, O> {
     pub limits: Limits,
     /// Limits of the moves.
     pub motion: MotionLimits,
+    /// Force by which the motor holds the machine where it stands, positive as a positive current: what
+    /// carries the load against gravity, N.
+    pub holding_force: f32,
     /// Limits of a running drive.
     pub protection: ProtectionLimits<N>,
 }
@@ -57,6 +60,7 @@ impl<const N: usize, O: StateObserver<N>> Settings<N, O> {
         self.actuator.check()?;
         self.limits.check()?;
         self.motion.check()?;
+        finite("holding_force", [&self.holding_force])?;
         self.protection.check()?;
         self.observer.check()?;
         self.regulator.check()

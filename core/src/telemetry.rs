@@ -23,9 +23,13 @@ pub struct Telemetry<L> {
     pub command: f32,
     /// Whether the current limit acted.
     pub limited: bool,
+    /// Whether zero is known: the position has been set since the reset. If not, positions count from where
+    /// the encoder's counter began.
+    pub position_set: bool,
     /// Reference position, m.
     pub reference: f32,
-    /// Position of the actuator, `x_a`, m.
+    /// Position of the actuator, `x_a`, m; `f32`, and so to 1 part in 2²⁴ of the distance from zero, which the
+    /// control knows exactly.
     pub position: f32,
     /// Velocity of the actuator, `v_a`, m/s.
     pub velocity: f32,
@@ -100,6 +104,7 @@ impl<const N: usize> Default for Telemetry<[f32; N]> {
             applied_current: 0.0,
             command: 0.0,
             limited: false,
+            position_set: false,
             reference: 0.0,
             position: 0.0,
             velocity: 0.0,
@@ -122,6 +127,7 @@ impl<const N: usize> Telemetry<[f32; N]> {
             mode: self.mode,
             count: self.count,
             applied_current: self.applied_current,
+            position_set: self.position_set,
             position: self.position,
             fault_value: self.fault_value,
             command: self.command,
@@ -142,6 +148,7 @@ impl<L> Telemetry<L> {
             applied_current: self.applied_current,
             command: self.command,
             limited: self.limited,
+            position_set: self.position_set,
             reference: self.reference,
             position: self.position,
             velocity: self.velocity,
@@ -176,6 +183,11 @@ impl<L: AsRef<[f32]>> Telemetry<L> {
             drive("applied_current", Current, f64::from(self.applied_current)),
             drive("command", Current, f64::from(self.command)),
             drive("limited", Number, f64::from(u8::from(self.limited))),
+            drive(
+                "position_set",
+                Number,
+                f64::from(u8::from(self.position_set)),
+            ),
             found(None, "reference", Position, self.reference),
             column(
                 Some(0),
@@ -248,6 +260,7 @@ mod tests {
             applied_current: 2.0,
             command: 3.0,
             limited: false,
+            position_set: true,
             reference: 4.0,
             position: 5.0,
             velocity: 6.0,
@@ -260,7 +273,7 @@ mod tests {
             cycles: 15,
         };
         let values: Vec<f64> = record.columns().map(|column| column.value).collect();
-        let expected: Vec<f64> = (1..=3).chain([0]).chain(4..=15).map(f64::from).collect();
+        let expected: Vec<f64> = (1..=3).chain([0, 1]).chain(4..=15).map(f64::from).collect();
         assert_eq!(values, expected);
     }
 }

@@ -9,7 +9,20 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts(pub u32);
 
-/// Position, m.
+/// Position of the actuator in whole counts from zero: exact, however far away that is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Place(pub i64);
+
+impl Place {
+    /// Counts from another place to this one, saturating.
+    #[must_use]
+    pub const fn counts_from(self, other: Self) -> i64 {
+        self.0.saturating_sub(other.0)
+    }
+}
+
+/// Position relative to a [`Place`] that is said where it stands, m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Position(pub f32);

@@ -7,12 +7,12 @@ use crate::encoder::Reading;
 use crate::excitation::{self, Excitation};
 use crate::fault::Fault;
 use crate::mode::Mode;
-use crate::moves::rigid::{self, RigidMoves};
+use crate::moves::rigid;
 use crate::observer::StateObserver;
 use crate::protection;
 use crate::reaction_force;
 use crate::rest::{self, Rest};
-use crate::units::{Current, Position, Velocity};
+use crate::units::{Current, Place, Velocity};
 
 /// A mode with its memory.
 #[derive(Clone, Debug)]
@@ -28,12 +28,12 @@ pub(super) enum Activity<const N: usize, O: StateObserver<N>> {
 
 impl<const N: usize, O: StateObserver<N>> Activity<N, O> {
     /// Goes on to a mode; an excitation begins with what it is to play, see [`Exciting::new`].
-    pub(super) fn enter(&mut self, mode: Mode, position: Position) {
+    pub(super) fn enter(&mut self, mode: Mode, place: Place) {
         let next = match (mode, &*self) {
             (Mode::Idle | Mode::Exciting, _) => Self::Idle,
             (Mode::Commissioning, _) => Self::Commissioning(Commissioning::default()),
             // The signs are proven when the actuator has come to rest.
-            (Mode::Ready, Self::Commissioning(_)) => Self::Ready(rest::Memory::proven(position)),
+            (Mode::Ready, Self::Commissioning(_)) => Self::Ready(rest::Memory::proven(place)),
             (Mode::Ready, Self::Ready(rest)) => Self::Ready(*rest),
             (Mode::Ready, _) => Self::Ready(rest::Memory::default()),
             (Mode::Running, Self::Ready(rest)) => Self::Running(Running::new(*rest)),
@@ -94,6 +94,8 @@ pub(super) struct Exciting {
     pub(super) excitation: Excitation,
     /// The wait for rest, until it is over.
     pub(super) rest: Option<direction_check::Memory>,
+    /// Where it began.
+    pub(super) start: Option<Place>,
     pub(super) played: excitation::Memory,
 }
 
@@ -102,6 +104,7 @@ impl Exciting {
         Self {
             excitation,
             rest: Some(direction_check::Memory::default()),
+            start: None,
             played: excitation::Memory::default(),
         }
     }
@@ -148,22 +151,22 @@ pub(super) struct Stopping {
 }
 
 impl Stopping {
-    /// Longest braking, s, and counts within which the actuator has then come to a stand.
+    /// Longest braking, s, and grains within which the actuator has then come to a stand.
     const LONGEST: f32 = 1.0;
-    const COUNTS: f32 = 20.0;
+    const GRAINS: f32 = 20.0;
 
-    pub(super) fn new(fault: Fault, position: Position) -> Self {
+    pub(super) fn new(fault: Fault, place: Place) -> Self {
         Self {
             fault,
-            rest: rest::Memory::at(position),
+            rest: rest::Memory::default().moved_to(place),
             periods: 0,
         }
     }
 
     /// One period: whether the machine stands, or has been given long enough.
-    pub(super) fn ended(&mut self, rest: &Rest, position: Position, sample_time: f32) -> bool {
+    pub(super) fn ended(&mut self, rest: &Rest, reading: &Reading, sample_time: f32) -> bool {
         self.periods = self.periods.saturating_add(1);
-        rest.within(&mut self.rest, position, Self::COUNTS)
+        rest.within(&mut self.rest, reading, Self::GRAINS)
             || self.periods as f32 * sample_time > Self::LONGEST
     }
 }
@@ -174,26 +177,8 @@ pub(super) struct Loop<M> {
     pub(super) disturbance: disturbance::Memory,
     pub(super) reaction_force: reaction_force::Memory,
     pub(super) observer: M,
+    /// What all positions are relative to.
+    pub(super) target: Place,
     pub(super) moves: rigid::Memory,
     pub(super) protection: protection::Memory,
-}
-
-impl<M> Loop<M> {
-    /// At rest where the actuator stands, with the reference there.
-    pub(super) fn at_rest<const N: usize, O: StateObserver<N, Memory = M>>(
-        observer: &O,
-        moves: &RigidMoves,
-        position: Position,
-        protection: protection::Memory,
-    ) -> Self {
-        let mut reference = rigid::Memory::default();
-        moves.step_to(&mut reference, position);
-        Self {
-            disturbance: disturbance::Memory::default(),
-            reaction_force: reaction_force::Memory::default(),
-            observer: observer.at_rest(position),
-            moves: reference,
-            protection,
-        }
-    }
 }

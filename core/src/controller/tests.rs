@@ -6,9 +6,10 @@ use super::*;
 use crate::actuator::Actuator;
 use crate::moves::rigid::MotionLimits;
 use crate::observer::{Anchored, LinearObserver};
-use crate::protection::ProtectionLimits;
+use crate::protection::{ProtectionLimits, Travel};
 use crate::regulator::MassGain;
 use proptest::prelude::*;
+use std::vec::Vec;
 
 type Drive = Controller<1, Anchored<1, 5>>;
 
@@ -54,6 +55,7 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
             jerk: 1000.0,
             total_mass: 0.116,
         },
+        holding_force: 0.0,
         // So wide that the tests of the corridor see nothing of them.
         protection: ProtectionLimits {
             encoder_step: 1.0,
@@ -67,6 +69,7 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
             saturation_time: 1e3,
             continuous_current: 10.0,
             thermal_time: 10.0,
+            travel: None,
         },
     }
 }
@@ -112,9 +115,7 @@ fn running() -> Drive {
 #[test]
 fn an_idle_drive_gives_no_current_and_follows_the_encoder() {
     let mut controller = new();
-    controller
-        .request(Request::Step(Position(0.03)))
-        .unwrap_err();
+    controller.request(Request::Step(Place(30000))).unwrap_err();
     assert_eq!(controller.step(measured(100, 0.0)), Command::default());
     assert_eq!(controller.step(measured(350, 0.0)), Command::default());
     assert!((controller.telemetry().position - 350e-6).abs() < 1e-9);
@@ -153,10 +154,10 @@ fn starting_holds_the_position_and_a_step_commands_the_gain() {
     let mut controller = running();
     let command = controller.step(measured(0xFFFF, 0.0));
     assert_eq!((command.current.0, command.enable), (0.0, true));
-    controller.request(Request::Step(Position(0.02))).unwrap();
+    controller.request(Request::Step(Place(20000))).unwrap();
     let command = controller.step(measured(0xFFFF, 0.0));
     assert!((command.current.0 - 0.6).abs() < 1e-6);
-    controller.request(Request::Step(Position(1.0))).unwrap();
+    controller.request(Request::Step(Place(1000000))).unwrap();
     let command = controller.step(measured(20, 0.6));
     assert_eq!((command.current.0, command.limited), (2.0, true));
 }
@@ -177,9 +178,7 @@ fn faults_stop_in_the_same_period_and_stay() {
         );
         assert_eq!(controller.mode(), Mode::Fault(fault));
         controller.request(Request::Start).unwrap_err();
-        controller
-            .request(Request::Step(Position(0.01)))
-            .unwrap_err();
+        controller.request(Request::Step(Place(10000))).unwrap_err();
         assert_eq!(controller.step(measured(count, 0.0)), Command::default());
         controller.request(Request::Stop).unwrap();
         controller.request(Request::Start).unwrap_err();
@@ -191,9 +190,8 @@ fn faults_stop_in_the_same_period_and_stay() {
 #[test]
 fn targets_that_are_not_finite_are_faults() {
     for request in [
-        Request::Step(Position(f32::NAN)),
-        Request::Move(Position(f32::NAN)),
-        Request::Move(Position(f32::INFINITY)),
+        Request::Move(Place(i64::MIN)),
+        Request::Move(Place(i64::MAX)),
     ] {
         let mut controller = running();
         controller.request(request).unwrap();
@@ -205,9 +203,9 @@ fn targets_that_are_not_finite_are_faults() {
 #[test]
 fn a_move_waits_for_the_one_under_way() {
     let mut controller = running();
-    controller.request(Request::Move(Position(0.01))).unwrap();
+    controller.request(Request::Move(Place(10000))).unwrap();
     controller.step(measured(0, 0.0));
-    controller.request(Request::Move(Position(-0.01))).unwrap();
+    controller.request(Request::Move(Place(-10000))).unwrap();
     let mut highest = 0.0_f32;
     for _ in 0..400 {
         // The simulated actuator follows its reference.
@@ -354,7 +352,7 @@ fn an_excitation_that_goes_wrong_is_a_fault() {
 #[test]
 fn estimates_are_those_of_a_running_drive() {
     let mut controller = running();
-    controller.request(Request::Step(Position(0.01))).unwrap();
+    controller.request(Request::Step(Place(10000))).unwrap();
     for k in 0..20 {
         controller.step(measured(40 * k, 0.1));
     }
@@ -374,9 +372,7 @@ fn an_excitation_can_be_stopped_and_does_not_interrupt() {
     assert!(begun(&mut controller, 500).enable);
     controller.request(Request::Commission).unwrap_err();
     controller.request(Request::Start).unwrap_err();
-    controller
-        .request(Request::Step(Position(0.01)))
-        .unwrap_err();
+    controller.request(Request::Step(Place(10000))).unwrap_err();
     controller.step(measured(600, 0.0));
     assert_eq!(controller.mode(), Mode::Exciting);
     controller.request(Request::Stop).unwrap();
@@ -486,7 +482,9 @@ fn stopped(
             .current
             .0;
         if k == 0 {
-            controller.request(Request::Step(Position(target))).unwrap();
+            controller
+                .request(Request::Step(Place((target / 1e-6) as i64)))
+                .unwrap();
         }
         braked |= matches!(controller.mode(), Mode::Stopping(_));
         if let Mode::Fault(fault) = controller.mode() {
@@ -533,7 +531,7 @@ fn every_limit_stops_the_drive() {
 fn estimates_end_with_the_braking() {
     let mut controller = protected(|p| p.following_error = 0.005);
     controller.step(measured(0, 0.0));
-    controller.request(Request::Step(Position(0.01))).unwrap();
+    controller.request(Request::Step(Place(10000))).unwrap();
     for k in 0..5 {
         controller.step(measured(40 * k, 0.1));
     }
@@ -558,7 +556,9 @@ fn no_move_begins_while_the_drive_brakes() {
         current = controller.step(measured(count, current)).current.0;
         if k < 2 {
             let target = [0.1, -0.1][k];
-            controller.request(Request::Move(Position(target))).unwrap();
+            controller
+                .request(Request::Move(Place((target / 1e-6) as i64)))
+                .unwrap();
         }
         if matches!(controller.mode(), Mode::Stopping(Fault::Thermal)) {
             references.push(controller.telemetry().reference);
@@ -668,8 +668,8 @@ proptest! {
             let request = match action {
                 0 => Some(Request::Start),
                 1 => Some(Request::Stop),
-                2 => Some(Request::Step(Position(position))),
-                3 => Some(Request::Move(Position(position))),
+                2 => Some(Request::Step(Place((position / 1e-6) as i64))),
+                3 => Some(Request::Move(Place((position / 1e-6) as i64))),
                 4 => Some(Request::Commission),
                 5 => Some(Request::Excite),
                 6 => {
@@ -699,5 +699,189 @@ proptest! {
             let record = controller.telemetry();
             prop_assert!(record.command.is_finite() && record.applied_current.is_finite());
         }
+    }
+}
+
+/// The rigid actuator of `commission` under the drive's own current, with a constant force; what is commanded
+/// in each period.
+fn closed_loop(controller: &mut Drive, start: i64, force: f32, periods: u32) -> Vec<Command> {
+    let (mut position, mut velocity, mut current) = (0.0_f64, 0.0_f64, 0.0_f32);
+    let commands = (0..periods).map(|_| {
+        let count = start + (position / 1e-6).round() as i64;
+        let command = controller.step(measured(count as u32, current));
+        current = command.current.0;
+        if command.enable {
+            let acceleration = f64::from(6.43 * current + force) / 0.116;
+            position += velocity * 1e-3 + 0.5 * acceleration * 1e-6;
+            velocity += acceleration * 1e-3;
+        } else {
+            // Its brake holds it.
+            velocity = 0.0;
+        }
+        command
+    });
+    commands.collect()
+}
+
+/// Bit for bit the same at zero and a million million counts away, where `f32` metres tell 0.1 m apart.
+#[test]
+fn the_place_on_the_axis_costs_no_accuracy() {
+    let run = |zero: i64| {
+        let mut controller = new();
+        let set = Request::SetPosition(Place(zero));
+        controller.step(measured(0, 0.0));
+        controller.request(set).unwrap();
+        controller.request(Request::Commission).unwrap();
+        let mut commands = closed_loop(&mut controller, 0, 0.0, 1500);
+        assert_eq!(controller.mode(), Mode::Ready);
+        let start = controller.encoder.place();
+        controller.request(Request::Start).unwrap();
+        let target = Place(zero + 20_000);
+        controller.request(Request::Step(target)).unwrap();
+        commands.extend(closed_loop(&mut controller, start.0 - zero, 0.0, 500));
+        controller.request(Request::Move(Place(zero))).unwrap();
+        commands.extend(closed_loop(&mut controller, 20_000, 0.0, 1000));
+        commands
+    };
+    let near = run(1000);
+    assert!(near.iter().any(|command| command.current.0 > 0.5));
+    assert!(near == run(1 << 40));
+    assert!(near == run(-(1 << 50)));
+}
+
+fn with_travel() -> Drive {
+    let mut settings = settings();
+    settings.protection.travel = Some(Travel {
+        lowest: Place(-10_000),
+        highest: Place(20_000),
+    });
+    Controller::new(&settings).unwrap()
+}
+
+#[test]
+fn the_travel_counts_once_zero_is_known() {
+    let mut controller = with_travel();
+    controller.step(measured(0, 0.0));
+    commission(&mut controller);
+    controller.request(Request::Start).unwrap();
+    controller.request(Request::Step(Place(25_000))).unwrap();
+    controller.step(measured(10_000, 0.0));
+    controller.step(measured(21_000, 0.0));
+    assert!(!controller.telemetry().position_set);
+    assert_eq!(controller.mode(), Mode::Running);
+    controller
+        .request(Request::SetPosition(Place(0)))
+        .unwrap_err();
+
+    controller.request(Request::Stop).unwrap();
+    controller
+        .request(Request::SetPosition(Place(5_000)))
+        .unwrap();
+    for _ in 0..100 {
+        controller.step(measured(21_000, 0.0));
+    }
+    assert!(controller.telemetry().position_set);
+    assert!((controller.telemetry().position - 0.005).abs() < 1e-9);
+    controller.request(Request::Start).unwrap();
+    controller.step(measured(21_000, 0.0));
+    let refusal = controller
+        .request(Request::Move(Place(20_001)))
+        .unwrap_err();
+    assert_eq!(refusal.reason, Reason::Travel);
+    controller.request(Request::Step(Place(20_000))).unwrap();
+    controller.step(measured(36_000, 0.0));
+    assert_eq!(controller.mode(), Mode::Running);
+    // Beyond it: the loop brakes, and the value is in metres.
+    controller.step(measured(36_001, 0.0));
+    assert_eq!(controller.mode(), Mode::Stopping(Fault::Travel));
+    assert!((controller.telemetry().fault_value - 0.020_001).abs() < 1e-9);
+}
+
+/// Gravity of 1 N: without a word it pulls the drive away, with it the current is there from the first period
+/// on and nothing moves.
+#[test]
+fn a_holding_force_carries_the_machine() {
+    let mut settings = settings();
+    settings.holding_force = 1.0;
+    // A disturbance state that stays, behind both lags.
+    let mut transition = [[0.0; 5]; 5];
+    for row in &mut transition[2..] {
+        row[4] = 1.0;
+    }
+    let [none, input, output] = [
+        [0.0; 5],
+        [0.0, 1.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 1.0, 0.0],
+    ];
+    settings.observer = Anchored::new(LinearObserver::new(transition, input, output, none));
+    let mut controller = Controller::new(&settings).unwrap();
+    controller.request(Request::Commission).unwrap();
+    let commands = closed_loop(&mut controller, 0, -1.0, 1500);
+    let first = commands.iter().find(|command| command.enable).unwrap();
+    assert!((first.current.0 - 1.0 / 6.43).abs() <= 1e-3);
+    assert_eq!(controller.mode(), Mode::Ready);
+    assert!(controller.telemetry().position.abs() < 20e-6);
+    let start = controller.encoder.place().0;
+    controller.request(Request::Start).unwrap();
+    for command in closed_loop(&mut controller, start, -1.0, 500) {
+        assert!((command.current.0 - 1.0 / 6.43).abs() < 3e-3, "{command:?}");
+    }
+    assert!((controller.encoder.place().0 - start).abs() < 100);
+    let record = controller.telemetry();
+    assert!((record.reaction_force - 1.0).abs() < 0.1, "{record:?}");
+}
+
+/// Any bit of any number of the gains that flips is found within as many periods as there are parts.
+#[test]
+fn changed_settings_are_found() {
+    let changes: [fn(&mut Parts<1, Anchored<1, 5>>); 8] = [
+        |parts| parts.regulator.actuator.position += 1.0,
+        |parts| parts.limits.current_limit = 20.0,
+        |parts| parts.sample_time = 0.0,
+        |parts| parts.holding_force.0 = -1.0,
+        |parts| parts.encoder.resolution *= 2.0,
+        |parts| parts.moves = RigidMoves::new(settings().motion, 1.0, 1e-3),
+        |parts| parts.rest = Rest::new(&parts.encoder, &settings().actuator, &parts.limits, 1.0),
+        |parts| {
+            parts.disturbance = DisturbanceObserver::new(&settings().actuator, 300.0, 1e-3);
+        },
+    ];
+    for change in changes {
+        for copy in [false, true] {
+            let mut controller = running();
+            controller.step(measured(0, 0.0));
+            let parts = if copy {
+                &mut controller.copy
+            } else {
+                &mut controller.parts
+            };
+            change(parts);
+            for _ in 0..4 {
+                controller.step(measured(0, 0.0));
+            }
+            assert_eq!(controller.mode(), Mode::Fault(Fault::Settings));
+            assert_eq!(controller.step(measured(0, 0.0)), Command::default());
+        }
+    }
+}
+
+proptest! {
+    /// The same for every number of the state observer.
+    #[test]
+    fn changed_observers_are_found(
+        row in 0_usize..5, column in 0_usize..5, which in 0..4_u8, bit in 0_u32..32,
+    ) {
+        let mut linear = LinearObserver::new([[0.5; 5]; 5], [0.1; 5], [0.2; 5], [0.3; 5]);
+        let before = Anchored::<1, 5>::new(linear.clone());
+        let number = match which {
+            0 => &mut linear.transition[(row, column)],
+            1 => &mut linear.input[row],
+            2 => &mut linear.output[row],
+            _ => &mut linear.correction[row],
+        };
+        *number = f32::from_bits(number.to_bits() ^ 1 << bit);
+        let after = Anchored::<1, 5>::new(linear);
+        prop_assert!((0..5).any(|part| !after.same(&before, part)));
+        prop_assert!((7..12).all(|part| before.same(&before, part)));
     }
 }

@@ -1,6 +1,8 @@
 //! Rigid moves: every mass follows the same motion, as if the chain were one body.
 //!
-//! * A *step* moves the reference at once, as in the paper's experiments.
+//! Positions are relative to the target: the move ends at zero, exactly.
+//!
+//! * A *step* is the target's own affair, as in the paper's experiments: the reference is at zero.
 //! * A *move* is a symmetric jerk-limited profile (seven phases at most): jerk, constant
 //!   acceleration, jerk, constant velocity, and the same backwards. The durations of the phases
 //!   are whole control periods, rounded up, and the jerk is then set so that the distance is
@@ -53,10 +55,9 @@ pub struct RigidMoves {
     current_per_velocity: f32,
 }
 
-/// The move under way.
+/// The move under way; the default is at rest at the target.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
-    origin: f32,
     profile: Option<Profile>,
     tick: u32,
 }
@@ -85,18 +86,10 @@ impl RigidMoves {
         }
     }
 
-    /// Puts the reference at a position, at once.
-    pub fn step_to(&self, memory: &mut Memory, position: Position) {
-        *memory = Memory {
-            origin: position.0,
-            ..Memory::default()
-        };
-    }
-
-    /// Plans a move from the resting reference to a position; `false` when the move would not
-    /// be finite or would take longer than can be counted.
-    pub fn move_to(&self, memory: &mut Memory, position: Position) -> bool {
-        let distance = position.0 - memory.origin;
+    /// Plans a move from rest to a target at that distance; `false` when the move would not be finite or
+    /// would take longer than can be counted.
+    pub fn move_by(&self, memory: &mut Memory, distance: Position) -> bool {
+        let distance = distance.0;
         if distance == 0.0 {
             return true;
         }
@@ -117,18 +110,17 @@ impl RigidMoves {
     /// The reference of this period; the next call gives that of the next.
     pub fn step<const N: usize>(&self, memory: &mut Memory) -> Reference<N> {
         let Some(profile) = memory.profile else {
-            return Reference::rigid(Position(memory.origin), Velocity(0.0), Current(0.0));
+            return Reference::default();
         };
         let (position, velocity) = profile.at(memory.tick, self.sample_time);
         let (_, next) = profile.at(memory.tick + 1, self.sample_time);
         let reference = Reference::rigid(
-            Position(memory.origin + position),
+            Position(position),
             Velocity(velocity),
             Current((next - velocity) * self.current_per_velocity),
         );
         memory.tick += 1;
         if memory.tick >= profile.ticks() {
-            memory.origin += profile.distance;
             memory.profile = None;
         }
         reference
@@ -183,16 +175,17 @@ impl Profile {
         2 * (2 * self.jerk_ticks + self.acceleration_ticks) + self.velocity_ticks
     }
 
-    /// Position from the start and velocity after `tick` periods. The second half is the first
+    /// Position from the target and velocity after `tick` periods. The second half is the first
     /// one backwards, so that both ends are exact.
     fn at(&self, tick: u32, sample_time: f32) -> (f32, f32) {
         let ticks = self.ticks();
         let tick = tick.min(ticks);
         if 2 * tick > ticks {
             let (position, velocity) = self.first_half(ticks - tick, sample_time);
-            (self.distance - position, velocity)
+            (-position, velocity)
         } else {
-            self.first_half(tick, sample_time)
+            let (position, velocity) = self.first_half(tick, sample_time);
+            (position - self.distance, velocity)
         }
     }
 
@@ -234,7 +227,7 @@ mod tests {
     fn positions(limits: MotionLimits, distance: f32) -> Vec<Reference<1>> {
         let moves = RigidMoves::new(limits, 6.43, T);
         let mut memory = Memory::default();
-        assert!(moves.move_to(&mut memory, Position(distance)));
+        assert!(moves.move_by(&mut memory, Position(distance)));
         let mut path = Vec::new();
         while moves.moving(&memory) {
             path.push(moves.step(&mut memory));
@@ -250,7 +243,8 @@ mod tests {
         assert_eq!(path.len() - 1, 2 * (2 * 20 + 5) + 1955);
         let peak = path.iter().map(|s| s.velocity.0).fold(0.0, f32::max);
         assert!((peak - 0.5).abs() < 1e-5);
-        assert_eq!(path.last().unwrap().position.0, 1.0);
+        assert_eq!(path[0].position.0, -1.0);
+        assert_eq!(path.last().unwrap().position.0, 0.0);
     }
 
     /// The feed-forward current is the total mass times the exact acceleration, so that the
@@ -258,7 +252,7 @@ mod tests {
     #[test]
     fn feed_forward_moves_a_rigid_drive_along_the_reference() {
         let path = positions(LIMITS, 0.03);
-        let (mut x, mut v) = (0.0_f64, 0.0_f64);
+        let (mut x, mut v) = (-0.03_f64, 0.0_f64);
         for reference in &path {
             // Between samples the acceleration is held: position lags by up to j T² T_j / 12.
             assert!(
@@ -269,26 +263,7 @@ mod tests {
             x += v * 1e-3 + 0.5 * a * 1e-6;
             v += a * 1e-3;
         }
-        assert!((x - 0.03).abs() < 2e-7 && v.abs() < 1e-6);
-    }
-
-    #[test]
-    fn a_step_is_immediate_and_cancels_a_move() {
-        let moves = RigidMoves::new(LIMITS, 6.43, T);
-        let mut memory = Memory::default();
-        assert!(moves.move_to(&mut memory, Position(0.03)));
-        let _: Reference<1> = moves.step(&mut memory);
-        moves.step_to(&mut memory, Position(-0.5));
-        assert!(!moves.moving(&memory));
-        let reference: Reference<1> = moves.step(&mut memory);
-        assert_eq!(
-            (
-                reference.position.0,
-                reference.velocity.0,
-                reference.feed_forward.0
-            ),
-            (-0.5, 0.0, 0.0)
-        );
+        assert!(x.abs() < 2e-7 && v.abs() < 1e-6);
     }
 
     #[test]
@@ -297,7 +272,7 @@ mod tests {
         for distance in [f32::NAN, f32::INFINITY, 1e30, -1e9] {
             let mut memory = Memory::default();
             assert!(
-                !moves.move_to(&mut memory, Position(distance)),
+                !moves.move_by(&mut memory, Position(distance)),
                 "{distance}"
             );
             assert_eq!(moves.step::<1>(&mut memory), Reference::default());
@@ -327,10 +302,10 @@ mod tests {
             prop_assert!(profile.jerk.abs() * t_j * (t_j + t_a) <= velocity * slack);
 
             let ticks = profile.ticks();
-            prop_assert_eq!(profile.at(0, T), (0.0, 0.0));
-            prop_assert_eq!(profile.at(ticks, T), (distance, 0.0));
+            prop_assert_eq!(profile.at(0, T), (-distance, 0.0));
+            prop_assert_eq!(profile.at(ticks, T), (0.0, 0.0));
             let stride = (ticks / 1000).max(1);
-            let mut last = 0.0;
+            let mut last = -distance;
             for tick in (0..=ticks).step_by(stride as usize) {
                 let (position, _) = profile.at(tick, T);
                 let forward = if negative { last - position } else { position - last };

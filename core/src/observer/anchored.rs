@@ -43,9 +43,17 @@ impl<const N: usize, const S: usize> StateObserver<N> for Anchored<N, S> {
         self.0.check()
     }
 
-    fn at_rest(&self, _: Position) -> Self::Memory {
-        SVector::zeros()
+    fn same(&self, copy: &Self, part: usize) -> bool {
+        self.0.same(&copy.0, part)
     }
+
+    fn at_rest(&self, disturbance: Force) -> Self::Memory {
+        // What holds the actuator has passed both lags.
+        SVector::from_fn(|row, _| if row < 2 * N { 0.0 } else { disturbance.0 })
+    }
+
+    /// No state is a position on the axis.
+    fn shift(&self, _: &mut Self::Memory, _: Position) {}
 
     fn step(&self, z: &mut Self::Memory, seen: &Seen) -> Estimate<N> {
         let innovation = self.0.step(z, seen.mean_velocity.0, seen.reaction_force);
@@ -79,7 +87,7 @@ mod tests {
         let output = [0.0, 0.0, 0.0, 1.0, 0.0];
         let observer =
             Anchored::<1, 5>::new(LinearObserver::new(transition, input, output, [0.0; 5]));
-        let mut memory = observer.at_rest(Position(0.0));
+        let mut memory = observer.at_rest(Force(0.0));
         // Actuator starts at constant velocity: the load's velocity is v (1 − cos ωt).
         let velocity = 0.2;
         for k in 1..=300 {

@@ -33,8 +33,19 @@ impl<const N: usize, const S: usize> StateObserver<N> for Reaction<N, S> {
         self.0.check()
     }
 
-    fn at_rest(&self, position: Position) -> Self::Memory {
-        SVector::from_fn(|row, _| if row % 2 == 0 { position.0 } else { 0.0 })
+    fn same(&self, copy: &Self, part: usize) -> bool {
+        self.0.same(&copy.0, part)
+    }
+
+    /// It knows no disturbance.
+    fn at_rest(&self, _: Force) -> Self::Memory {
+        SVector::zeros()
+    }
+
+    fn shift(&self, z: &mut Self::Memory, distance: Position) {
+        for position in z.iter_mut().step_by(2) {
+            *position -= distance.0;
+        }
     }
 
     fn step(&self, z: &mut Self::Memory, seen: &Seen) -> Estimate<N> {
@@ -68,7 +79,8 @@ mod tests {
             [2.0, 0.0, -2.0, 0.0],
             [0.1, 0.2, 0.3, 0.4],
         ));
-        let mut memory = observer.at_rest(Position(0.5));
+        let mut memory = observer.at_rest(Force(1.0));
+        observer.shift(&mut memory, Position(-0.5));
         let seen = Seen {
             position: Position(0.0),
             mean_velocity: Velocity(0.0),

@@ -6,7 +6,7 @@ use crate::limits::Limits;
 use crate::units::Current;
 
 /// Largest plausible magnitude, A.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AppliedCurrent {
     largest: f32,
 }

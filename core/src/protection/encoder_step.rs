@@ -18,7 +18,7 @@ use crate::fault::Fault;
 use crate::units::Current;
 
 /// Coefficients.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct EncoderStep {
     /// Displacement that a current over one period adds in it, and in the next, m/A.
     per_current: f32,
@@ -73,7 +73,7 @@ impl EncoderStep {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::Position;
+    use crate::units::Place;
 
     const T: f32 = 1e-3;
     const ACTUATOR: Actuator = Actuator {
@@ -100,7 +100,7 @@ mod tests {
                     displacement = 0.0;
                 }
                 let reading = Reading {
-                    position: Position(0.0),
+                    place: Place(0),
                     displacement,
                     jump: false,
                 };

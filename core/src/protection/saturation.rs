@@ -6,7 +6,7 @@ use crate::limits::Limits;
 use crate::units::Current;
 
 /// Coefficients.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Saturation {
     /// A
     nearly: f32,

@@ -15,10 +15,10 @@
 use super::Trip;
 use crate::encoder::Reading;
 use crate::fault::Fault;
-use crate::units::Current;
+use crate::units::{Current, Place};
 
 /// Counts within which the encoder stands still.
-const STILL: f32 = 2.0;
+const STILL: i64 = 2;
 /// What friction may be elsewhere: times what was seen, and as a share of the motor's force.
 const ELSEWHERE: f32 = 3.0;
 const SHARE: f32 = 0.005;
@@ -26,11 +26,9 @@ const SHARE: f32 = 0.005;
 const PERIODS: u32 = 5;
 
 /// Coefficients.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stall {
     force_constant: f32,
-    /// m
-    still: f32,
     /// N
     most: f32,
     share: f32,
@@ -41,7 +39,7 @@ pub(super) struct Stall {
 /// Where the encoder was last seen to move, and the forces then.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Memory {
-    anchor: f32,
+    anchor: Place,
     forces: [f32; 2],
     /// For how many periods the forces have been others.
     changed: u32,
@@ -64,20 +62,21 @@ impl Stall {
     ) -> Self {
         Self {
             force_constant,
-            still: STILL * resolution,
             most: stiction,
             share: SHARE * force_constant * current_limit,
             // Eight times as far as it takes to be seen: F t² / 2 M.
-            visible: 16.0 * STILL * resolution * total_mass / (sample_time * sample_time),
+            visible: 16.0 * STILL as f32 * resolution * total_mass / (sample_time * sample_time),
         }
     }
 
     /// * `stiction`: what was seen, N
-    pub(super) fn begin(self, stiction: Option<f32>) -> Memory {
+    /// * `holding_force`: of the motor and of what the observer explains it with from the start, N
+    pub(super) fn begin(self, stiction: Option<f32>, holding_force: f32) -> Memory {
         let seen = stiction.map_or(self.most, |seen| ELSEWHERE * seen + self.share);
         let most = if seen < self.most { seen } else { self.most };
         let limit = 2.0 * most;
         Memory {
+            forces: [holding_force; 2],
             limit,
             patience: PERIODS + libm::sqrtf(self.visible / limit) as u32,
             ..Memory::default()
@@ -96,9 +95,9 @@ impl Stall {
         reading: &Reading,
         forces: [f32; 2],
     ) -> Result<(), Trip> {
-        let moved = (reading.position.0 - memory.anchor).abs() > self.still;
+        let moved = reading.place.counts_from(memory.anchor).saturating_abs() > STILL;
         if moved {
-            memory.anchor = reading.position.0;
+            memory.anchor = reading.place;
             memory.forces = forces;
             memory.changed = 0;
             return Ok(());

@@ -15,7 +15,7 @@ use crate::units::Current;
 pub(crate) type Heat = f32;
 
 /// Coefficients.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Thermal {
     gain: f32,
     /// A²

@@ -3,8 +3,10 @@
 use super::{Period, ProtectionLimits, Trip, beyond};
 use crate::fault::Fault;
 
+/// * `holding_force`: what the motor carries, which is no fault, N
 pub(super) fn step<const N: usize>(
     limits: &ProtectionLimits<N>,
+    holding_force: f32,
     period: &Period<'_, N>,
 ) -> Result<(), Trip> {
     let Period {
@@ -16,12 +18,12 @@ pub(super) fn step<const N: usize>(
     beyond(Fault::Velocity, estimate.velocity.0, limits.velocity)?;
     beyond(
         Fault::ReactionForce,
-        reaction_force.0,
+        reaction_force.0 - holding_force,
         limits.reaction_force,
     )?;
     beyond(
         Fault::Disturbance,
-        estimate.disturbance.0,
+        estimate.disturbance.0 - holding_force,
         limits.disturbance,
     )?;
     beyond(Fault::Unexpected, estimate.innovation.0, limits.innovation)?;
@@ -31,6 +33,6 @@ pub(super) fn step<const N: usize>(
         inner = *deflection;
     }
     // Last: what is worse comes first.
-    let error = period.reading.position.0 - reference.position.0;
+    let error = period.position.0 - reference.position.0;
     beyond(Fault::FollowingError, error, limits.following_error)
 }
