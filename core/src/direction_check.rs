@@ -1,17 +1,21 @@
 //! Direction check: a small motion that proves the signs before the loop is ever closed.
 //!
 //! With swapped encoder phases or motor leads the feedback drives the load away from its target
-//! instead of towards it. So no loop is closed until the drive has seen that a positive current
-//! moves the encoder forward:
+//! instead of towards it. So no loop is closed until the drive has seen that a change of the current turns
+//! the encoder's motion round. That the encoder moves while current flows proves nothing: an offset of the
+//! amplifier or a weight moves it as well.
 //!
 //! ```text
 //! Rest    amplifier off, until the encoder has stood still
-//! Ramp    current rises from zero until the encoder has moved: forward, or the drive stops
+//! Ramp    current rises from zero until the encoder has moved, whichever way
+//! Return  current changes against that motion, by a fifth of its limit at once and then at the rate of the
+//!         ramp, until the encoder comes back: the signs are proven; or runs on: the drive stops
 //! Brake   the loop is closed around actuator and encoder alone, as if the load were rigid, which
 //!         no observer can upset, until the actuator stands
 //! ```
 //!
-//! At most `PROOF` grains (see [`rest`](crate::rest)) are travelled with an unproven sign.
+//! At most `FARTHEST` grains (see [`rest`](crate::rest)), and what one period adds, are travelled with an
+//! unproven sign. What moves the machine beside the motor must be less than a tenth of its force.
 
 use crate::actuator::Actuator;
 use crate::encoder::Reading;
@@ -22,11 +26,16 @@ use crate::units::{Current, Place};
 
 /// Grains by which the actuator is seen to move at all.
 const SEEN: f32 = 3.0;
+/// Grains by which it has come back, and from which on it has not.
+const BACK: f32 = 10.0;
+const FARTHEST: f32 = 4.0 * PROOF;
 /// How long to wait for that, before and after the ramp, s.
 pub(crate) const PATIENCE: f32 = 2.0;
 /// How long the current rises, s, and to which share of its limit.
 const RAMP_TIME: f32 = 0.5;
 const RAMP_SHARE: f32 = 0.5;
+/// Share of the current limit by which the current changes at once to turn the motion round.
+const RETURN_SHARE: f32 = 0.2;
 
 /// What is to be done in this period.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +66,19 @@ enum Phase {
     #[default]
     Rest,
     Ramp,
+    Return(Turn),
     Brake,
+}
+
+/// Where and from what the motion is turned round.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Turn {
+    /// 1 for a motion forward, -1 for one backward.
+    direction: f32,
+    /// A.
+    current: f32,
+    /// How far the motion has come, grains.
+    farthest: f32,
 }
 
 /// How far it has come.
@@ -109,6 +130,13 @@ impl DirectionCheck {
         self.rest.metres(PROOF)
     }
 
+    /// Current that turns a motion round, some time after that began, s.
+    fn turning(&self, turn: &Turn, time: f32) -> Current {
+        let change = RETURN_SHARE / RAMP_SHARE + time / RAMP_TIME;
+        let current = turn.current - turn.direction * self.largest_current * change;
+        Current(current.max(-self.largest_current).min(self.largest_current))
+    }
+
     /// One period.
     ///
     /// # Errors
@@ -153,13 +181,35 @@ impl DirectionCheck {
                     Ok(Action::Wait)
                 }
             }
-            Phase::Ramp if moved >= PROOF => {
-                *memory = next(Phase::Brake, origin);
-                Ok(Action::Brake(origin))
+            Phase::Ramp if moved.abs() >= PROOF => {
+                let turn = Turn {
+                    direction: if moved > 0.0 { 1.0 } else { -1.0 },
+                    current: rising,
+                    farthest: moved.abs(),
+                };
+                let noise = memory.noise;
+                *memory = Memory {
+                    noise,
+                    ..next(Phase::Return(turn), origin)
+                };
+                Ok(Action::Push(self.turning(&turn, 0.0)))
             }
-            Phase::Ramp if moved <= -PROOF => Err(Fault::Direction),
             Phase::Ramp if time > RAMP_TIME => Err(Fault::NoMotion),
             Phase::Ramp => Ok(Action::Push(Current(rising))),
+            Phase::Return(ref mut turn) => {
+                let out = turn.direction * moved;
+                turn.farthest = turn.farthest.max(out);
+                if turn.farthest - out >= BACK.max(memory.noise) {
+                    *memory = next(Phase::Brake, origin);
+                    Ok(Action::Brake(origin))
+                } else if out >= FARTHEST {
+                    Err(Fault::Direction)
+                } else if time > 2.0 * RAMP_TIME {
+                    Err(Fault::NoMotion)
+                } else {
+                    Ok(Action::Push(self.turning(turn, time)))
+                }
+            }
             Phase::Brake if rested => Ok(Action::Done),
             Phase::Brake if time > PATIENCE => Err(Fault::NotAtRest),
             Phase::Brake => Ok(Action::Brake(origin)),
@@ -267,7 +317,37 @@ mod tests {
     fn the_wrong_sign_stops_within_a_few_counts() {
         let (end, farthest) = run(-6.0);
         assert_eq!(end, Err(Fault::Direction));
-        assert!(farthest < 2.0 * PROOF * RESOLUTION, "{farthest}");
+        assert!(farthest < 1.5 * FARTHEST * RESOLUTION, "{farthest}");
+    }
+
+    /// The same where a constant force moves the machine either way: it neither hides a wrong sign nor makes
+    /// a right one look wrong.
+    #[test]
+    fn a_push_from_outside_proves_nothing() {
+        for push in [-1.0, -0.3, -0.05, 0.05, 0.3, 1.0] {
+            for gain in [6.0_f32, -6.0] {
+                let (mut memory, mut encoder, check) =
+                    (Memory::default(), encoder::Memory::default(), check());
+                let (mut position, mut velocity) = (0.3_f32, 0.0_f32);
+                let end = loop {
+                    match check.step(&mut memory, &read(&mut encoder, position)) {
+                        Ok(Action::Push(current)) => {
+                            velocity += (gain * current.0 + push) / 0.1 * T;
+                        }
+                        Ok(Action::Wait) => {}
+                        end => break end,
+                    }
+                    position += velocity * T;
+                };
+                let expected = if gain > 0.0 {
+                    Ok(Action::Brake(Place(300_000)))
+                } else {
+                    Err(Fault::Direction)
+                };
+                assert_eq!(end, expected, "{push} N, {gain} N/A");
+                assert!((position - 0.3).abs() < 3.0 * FARTHEST * RESOLUTION);
+            }
+        }
     }
 
     #[test]

@@ -96,7 +96,9 @@ impl Encoder {
     /// Distance from one place to another.
     #[must_use]
     pub fn distance(&self, from: Place, to: Place) -> Position {
-        Position(to.counts_from(from) as f32 * self.resolution)
+        let counts = to.counts_from(from);
+        let counts = i32::try_from(counts).map_or_else(|_| far(counts), |near| near as f32);
+        Position(counts * self.resolution)
     }
 
     /// The place nearest to a position from zero; what is no number is zero.
@@ -111,6 +113,13 @@ impl Encoder {
         let unused = 32_u32.wrapping_sub(self.counter_bits);
         (number.wrapping_shl(unused) as i32).wrapping_shr(unused)
     }
+}
+
+/// The processor converts 32 bits itself; 64 are a subroutine, kept out of the way of the usual case.
+#[cold]
+#[inline(never)]
+fn far(counts: i64) -> f32 {
+    counts as f32
 }
 
 #[cfg(test)]

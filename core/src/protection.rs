@@ -19,12 +19,13 @@ mod thermal;
 mod travel;
 mod within;
 
+use crate::actuator::Actuator;
 use crate::check::{SettingsError, positive};
 use crate::encoder::{Encoder, Reading};
 use crate::fault::Fault;
+use crate::limits::Limits;
 use crate::moves::Reference;
 use crate::observer::Estimate;
-use crate::settings::Settings;
 use crate::units::{Current, Force, Place, Position};
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
@@ -137,7 +138,7 @@ pub(crate) struct Period<'a, const N: usize> {
 }
 
 /// All watches.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub(crate) struct Protection<const N: usize> {
     limits: ProtectionLimits<N>,
     applied_current: applied_current::AppliedCurrent,
@@ -162,19 +163,15 @@ pub(crate) struct Memory {
 }
 
 impl<const N: usize> Protection<N> {
-    /// The watches of a drive.
-    pub(crate) fn new<O>(settings: &Settings<N, O>) -> Self {
-        let Settings {
-            sample_time,
-            encoder,
-            actuator,
-            limits,
-            motion,
-            holding_force,
-            protection,
-            ..
-        } = settings;
-        let sample_time = *sample_time;
+    /// * `total_mass`: of actuator and loads, kg
+    /// * `holding_force`: what the motor carries, N
+    /// * `sample_time`: s
+    pub(crate) fn new(
+        protection: &ProtectionLimits<N>,
+        (actuator, encoder, limits): (&Actuator, &Encoder, &Limits),
+        (total_mass, holding_force): (f32, f32),
+        sample_time: f32,
+    ) -> Self {
         Self {
             limits: protection.clone(),
             applied_current: applied_current::AppliedCurrent::new(limits),
@@ -188,7 +185,7 @@ impl<const N: usize> Protection<N> {
                 encoder.resolution,
                 protection.stiction,
                 limits.current_limit,
-                motion.total_mass,
+                total_mass,
                 sample_time,
             ),
             saturation: saturation::Saturation::new(
@@ -202,7 +199,7 @@ impl<const N: usize> Protection<N> {
                 sample_time,
             ),
             encoder: *encoder,
-            holding_force: *holding_force,
+            holding_force,
             holding_current: holding_force / actuator.actual_force_constant(),
         }
     }
@@ -217,6 +214,23 @@ impl<const N: usize> Protection<N> {
             stall: self.stall.begin(stiction, self.holding_force),
             travel: travel.map(|(travel, place)| travel.from(place)),
             ..Memory::default()
+        }
+    }
+
+    /// Whether one part of four is as in a copy.
+    pub(crate) fn same(&self, copy: &Self, part: usize) -> bool {
+        match part % 4 {
+            0 => self.limits == copy.limits,
+            1 => {
+                (self.applied_current, self.encoder_step)
+                    == (copy.applied_current, copy.encoder_step)
+            }
+            2 => (self.stall, self.saturation) == (copy.stall, copy.saturation),
+            _ => {
+                (self.thermal, self.encoder) == (copy.thermal, copy.encoder)
+                    && (self.holding_force, self.holding_current)
+                        == (copy.holding_force, copy.holding_current)
+            }
         }
     }
 

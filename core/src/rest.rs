@@ -28,9 +28,9 @@ const NEWEST: f32 = 1.0 / 32.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rest {
     sample_time: f32,
-    /// Grains per m, and per count.
+    encoder: Encoder,
+    /// Grains per m.
     per_metre: f32,
-    per_count: f32,
 }
 
 /// Where it was last seen to move, and for how many periods it has not.
@@ -75,14 +75,14 @@ impl Rest {
         let grain = (GRAIN * acceleration * sample_time * sample_time).max(encoder.resolution);
         Self {
             sample_time,
+            encoder: *encoder,
             per_metre: 1.0 / grain,
-            per_count: encoder.resolution / grain,
         }
     }
 
     /// Distance from one place to another, in grains.
     pub(crate) fn grains(&self, from: Place, to: Place) -> f32 {
-        to.counts_from(from) as f32 * self.per_count
+        self.encoder.distance(from, to).0 * self.per_metre
     }
 
     /// What so many grains are, m.

@@ -15,10 +15,10 @@ pub struct Counts(pub u32);
 pub struct Place(pub i64);
 
 impl Place {
-    /// Counts from another place to this one, saturating.
+    /// Counts from another place to this one; what is half of all places away wraps.
     #[must_use]
     pub const fn counts_from(self, other: Self) -> i64 {
-        self.0.saturating_sub(other.0)
+        self.0.wrapping_sub(other.0)
     }
 }
 

@@ -109,6 +109,8 @@ pub trait Inputs {
 pub struct Levels {
     /// A run plays the excitation instead of closing the loop.
     pub excite: bool,
+    /// Where the machine stands is zero, when this goes on.
+    pub zero: bool,
     /// Which target, 0 to 3.
     pub target: u8,
 }

@@ -121,10 +121,15 @@ impl<B: Board> Control<B> {
                 let _ = self.refusals.enqueue(refusal);
             }
         } else {
-            // What was asked before is void, and no idle loop, queue or log stands between the switch and
+            // What was asked before is void but for where zero is, and no idle loop, queue or log stands between the switch and
             // the amplifier.
-            while self.requests.dequeue().is_some() {}
             let _ = self.controller.request(Request::Stop);
+            while let Some(request) = self.requests.dequeue() {
+                // It moves nothing.
+                if let Request::SetPosition(_) = request {
+                    let _ = self.controller.request(request);
+                }
+            }
         }
         if self.controller.mode().energised() {
             if self.late(start) {

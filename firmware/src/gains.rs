@@ -64,6 +64,7 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         jerk: 200.0, // m/s^3
         total_mass: 0.116, // kg
     },
+    holding_force: 0.0, // N
     protection: ProtectionLimits {
         encoder_step: 0.00010862712, // m
         velocity: 2.0, // m/s
@@ -76,5 +77,6 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         saturation_time: 0.25, // s
         continuous_current: 1.4, // A
         thermal_time: 10.0, // s
+        travel: None, // counts from zero
     },
 };

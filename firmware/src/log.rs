@@ -77,7 +77,12 @@ impl Log {
                 Mode::Commissioning => defmt::info!("commissioning"),
                 Mode::Exciting => defmt::info!("exciting"),
                 Mode::Ready => defmt::info!("ready"),
-                Mode::Running => defmt::info!("running"),
+                Mode::Running if record.position_set => defmt::info!("running"),
+                Mode::Running => {
+                    defmt::info!(
+                        "running; positions count from where the drive stood at its reset"
+                    );
+                }
                 Mode::Stopping(fault) => {
                     defmt::error!("stopping because of fault {}: {}", fault.number(), fault);
                 }

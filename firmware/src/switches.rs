@@ -2,7 +2,7 @@
 //!
 //! | run | excite | target switches | |
 //! |---|---|---|---|
-//! | off | any | any | stop, within one control period |
+//! | off | any | any | stop, within one control period; the zero switch then sets the position to zero |
 //! | on | on when run is closed | any | play the excitation once |
 //! | on | off | any | first: prove the signs (commissioning), then start |
 //! | on | | 0 | step to the origin |
@@ -16,7 +16,8 @@
 //! again.
 
 use crate::board::Levels;
-use arso_core::{Mode, Position, Request};
+use crate::settings::GAINS;
+use arso_core::{Mode, Place, Position, Request};
 
 /// Control periods for which a switch must stand still before it counts.
 const DEBOUNCE: u8 = 10;
@@ -62,6 +63,7 @@ impl<T: Copy + PartialEq> Debounced<T> {
 pub(crate) struct Switches {
     run: Debounced<bool>,
     excite: Debounced<bool>,
+    zero: Debounced<bool>,
     target: Debounced<u8>,
     asked: Asked,
 }
@@ -89,11 +91,14 @@ impl Switches {
         self.run.sample(run);
         let retargeted = self.target.sample(levels.target);
         self.excite.sample(levels.excite);
+        // One that was closed at the reset has not been closed by anybody.
+        let opened = self.zero.settled == Some(false);
+        let zeroed = self.zero.sample(levels.zero) && opened;
         match self.run.settled {
             None => return [None, None],
             Some(false) => {
                 self.asked = Asked::Nothing;
-                return [None, None];
+                return [zeroed.then_some(Request::SetPosition(Place(0))), None];
             }
             Some(true) => {}
         }
@@ -119,10 +124,10 @@ impl Switches {
 
     fn target(&self) -> Request {
         match self.target.settled {
-            Some(1) => Request::Step(Position(0.03)),
-            Some(2) => Request::Step(Position(0.015)),
-            Some(3) => Request::Move(Position(0.03)),
-            _ => Request::Step(Position(0.0)),
+            Some(1) => Request::Step(GAINS.encoder.place(Position(0.03))),
+            Some(2) => Request::Step(GAINS.encoder.place(Position(0.015))),
+            Some(3) => Request::Move(GAINS.encoder.place(Position(0.03))),
+            _ => Request::Step(Place(0)),
         }
     }
 }

@@ -160,7 +160,8 @@ impl Design {
             },
             limits: self.limits(),
             motion: self.motion_limits(),
-            protection: protection::Protection::new(self).limits(),
+            holding_force: drive.actuator.holding_force as f32,
+            protection: protection::Protection::new(self).limits(drive.encoder.resolution),
         }
     }
 

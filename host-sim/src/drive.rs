@@ -181,6 +181,8 @@ pub struct StatedProtection {
     pub continuous_current: Option<f64>,
     /// s.
     pub thermal_time: Option<f64>,
+    /// Ends of the travel, m.
+    pub travel: Option<[f64; 2]>,
 }
 
 /// What the controller believes of a drive, checked.

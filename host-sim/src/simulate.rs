@@ -4,7 +4,8 @@
 //! plant --count--> core --current--> plant      (the core also gets the current it commanded)
 //! ```
 //!
-//! Before each experiment the core is commissioned on the same plant, as on the machine. Beside
+//! Before each experiment the core is commissioned on the same plant, as on the machine, under the forces that
+//! are always there. Beside
 //! it runs, on a plant of its own, feedback of the true state with the same gain
 //! `K`: the bound that no observer can beat.
 
@@ -21,7 +22,7 @@ use crate::error::{Error, Result};
 use arso_core::limits::Limits;
 use arso_core::moves::rigid::{self, RigidMoves};
 use arso_core::{
-    Counts, Current, Fault, Measurement, Mode, Position, Refusal, Request, SettingsError,
+    Counts, Current, Fault, Measurement, Mode, Place, Position, Refusal, Request, SettingsError,
 };
 use corridor::{Corridor, Record, corridor};
 use nalgebra::DVector;
@@ -125,7 +126,7 @@ pub(crate) fn close_loop(
     (period, duration): (f64, f64),
 ) -> Result<Run> {
     let mut plant = Plant::new(file, period);
-    plant.set_state(scenario.initial_state(plant.chain()));
+    plant.start_from(&scenario.initial_state(plant.chain()));
     let periods = (duration / period).round() as usize;
     let mut samples = Vec::with_capacity(periods);
     let mut fault = None;
@@ -149,6 +150,7 @@ pub(crate) fn close_loop(
             limited: step.limited,
             record: step.record,
         });
+        plant.enable(step.enable);
         on_the_way.push_back(step.current);
         plant.advance(on_the_way.pop_front().unwrap_or(step.current))?;
         applied_current = step.current;
@@ -167,6 +169,8 @@ pub(crate) fn close_loop(
 pub(crate) struct ControlOutput {
     /// A.
     pub(crate) current: f64,
+    /// Whether the amplifier is on.
+    pub(crate) enable: bool,
     /// Whether the current limit acted.
     pub(crate) limited: bool,
     /// m.
@@ -189,9 +193,12 @@ impl Core {
     pub(crate) fn new(design: &Design, file: &PlantFile, scenario: &Scenario) -> Result<Self> {
         let unfit = |error: SettingsError| Error::Design(error.to_string());
         let mut core = corridor(design, None).map_err(unfit)?;
-        commission(core.as_mut(), file, design.drive.control.sample_time)?;
+        let place = commission(core.as_mut(), file, design.drive.control.sample_time)?;
+        // The experiment's origin is the machine's.
+        core.request(Request::SetPosition(place)).map_err(refused)?;
         core.request(Request::Start).map_err(refused)?;
-        let target = Position(scenario.target as f32);
+        let counts = scenario.target / design.drive.encoder.resolution;
+        let target = Place(counts.round() as i64);
         let request = match scenario.approach {
             Approach::Step => Request::Step(target),
             Approach::Move => Request::Move(target),
@@ -208,24 +215,27 @@ fn refused(refusal: Refusal) -> Error {
 /// Longest commissioning: rest, ramp and return all at the end of their patience, s.
 const COMMISSIONING: f64 = 5.0;
 
-/// Commissions a core on a plant at rest, without external forces.
+/// Commissions a core on a plant at rest, under the steady forces alone; where the encoder then is.
 ///
 /// # Errors
 /// [`Error::Simulation`] when that ends in a fault.
-pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Result<()> {
-    let quiet = PlantFile {
-        forces: Vec::new(),
+pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Result<Place> {
+    let steady = file.forces.iter().filter(|force| force.steady());
+    let before = PlantFile {
+        forces: steady.cloned().collect(),
         ..file.clone()
     };
-    let mut plant = Plant::new(&quiet, period);
+    let mut plant = Plant::new(&before, period);
     core.request(Request::Commission).map_err(refused)?;
     let mut current = Current(0.0);
     let mut time = 0.0;
     while time < COMMISSIONING {
         let count = Counts(plant.count());
-        current = core.step(Measurement { count, current }).current;
+        let command = core.step(Measurement { count, current });
+        current = command.current;
+        plant.enable(command.enable);
         match core.record().mode {
-            Mode::Ready => return Ok(()),
+            Mode::Ready => return Ok(Place(plant.place())),
             Mode::Fault(fault) => {
                 let number = fault.number();
                 let message = format!("commissioning ended with fault {number} ({fault:?})");
@@ -248,6 +258,7 @@ impl Control for Core {
         let record = self.0.record();
         Ok(ControlOutput {
             current: command.current.0.into(),
+            enable: command.enable,
             limited: command.limited,
             reference: record.reference.into(),
             record: Some(record),
@@ -260,6 +271,7 @@ pub(crate) struct FullState {
     gain: nalgebra::RowDVector<f64>,
     limits: Limits,
     moves: RigidMoves,
+    target: f64,
     reference: rigid::Memory,
 }
 
@@ -271,17 +283,14 @@ impl FullState {
             design.drive.control.sample_time as f32,
         );
         let mut reference = rigid::Memory::default();
-        let target = Position(scenario.target as f32);
-        match scenario.approach {
-            Approach::Step => moves.step_to(&mut reference, target),
-            Approach::Move => {
-                moves.move_to(&mut reference, target);
-            }
+        if scenario.approach == Approach::Move {
+            moves.move_by(&mut reference, Position(scenario.target as f32));
         }
         Self {
             gain: design.regulator.clone(),
             limits: design.limits(),
             moves,
+            target: scenario.target,
             reference,
         }
     }
@@ -291,7 +300,7 @@ impl Control for FullState {
     fn step(&mut self, _: u32, truth: &DVector<f64>, _: f64) -> Result<ControlOutput> {
         let setpoint = self.moves.step::<1>(&mut self.reference);
         let reference = [
-            f64::from(setpoint.position.0),
+            self.target + f64::from(setpoint.position.0),
             f64::from(setpoint.velocity.0),
         ];
         let error = DVector::from_fn(truth.len(), |row, _| truth[row] - reference[row % 2]);
@@ -301,6 +310,7 @@ impl Control for FullState {
         })?;
         Ok(ControlOutput {
             current: limited.current.0.into(),
+            enable: true,
             limited: limited.limited,
             reference: reference[0],
             record: None,

@@ -535,6 +535,7 @@ const CHECKSUM: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 /// A record as the drive logs it and `probe-rs run` prints it.
 fn logged(period: u32, mode: Mode) -> String {
     let record = Telemetry {
+        position_set: false,
         period,
         mode,
         count: 12,
@@ -692,8 +693,8 @@ fn ctrl_c_ends_a_capture_with_its_records() {
     let csv = String::from_utf8(output.stdout).unwrap();
     assert_eq!(
         csv,
-        "time[s],period[1],mode[name],count[1],applied_current[A],command[A],limited[1],\
-         actuator_position[m],fault_value[1],cycles[1]\n0,1,Idle,12,0.001,0.002,0,0.000012,0,1100\n"
+        "time[s],period[1],mode[name],count[1],applied_current[A],command[A],limited[1],position_set[1],\
+         actuator_position[m],fault_value[1],cycles[1]\n0,1,Idle,12,0.001,0.002,0,0,0.000012,0,1100\n"
     );
 }
 

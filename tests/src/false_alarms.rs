@@ -144,7 +144,7 @@ pub fn moves(number: u64, moves: usize) -> Vec<Alarm> {
         core.request(Request::Start).expect("it is ready");
         let distance = log_uniform(&mut random, 2e-3, 0.2);
         let target = Position(if random.random() { distance } else { -distance } as f32);
-        let asked = Request::Move(target);
+        let asked = Request::Move(design.encoder().place(target));
         let mut current = Current(0.0);
         for k in 0..(PERIODS / slowest / period) as usize {
             let noise = random.random_range(-1..=1_i32);

@@ -67,6 +67,8 @@ fn every_control_step_is_in_the_log() {
         .rposition(|r| r.mode == Mode::Ready)
         .unwrap()
         + 2;
+    // Zero is known from the zero switch on, not before.
+    assert!(!capture.records[0].position_set && capture.records[begin].position_set);
     for (record, period) in capture.records[begin..].iter().zip(&periods) {
         assert_eq!(record.count, period.count);
         let code = 2048.0 + (f64::from(record.command) / 1e-3).round();

@@ -190,11 +190,11 @@ fn wrong_wiring_stops_the_drive() {
         println!("{what}: enabled for {enabled} ms");
         assert!(enabled <= 502, "{what}");
         if !wiring.encoder_unplugged {
-            // Found after 50 counts, at a current of a few per cent.
+            // Found after 200 counts, at a quarter of the current.
             assert!(enabled < 50, "{what}");
             let codes = periods.iter().filter_map(|period| period.code);
             assert!(
-                codes.clone().all(|code| code.abs_diff(2048) < 100),
+                codes.clone().all(|code| code.abs_diff(2048) < 500),
                 "{what}"
             );
         }

@@ -40,7 +40,7 @@ fn a_run_that_fails_says_so() {
     );
 
     // A weight on the load: it ends where the springs let it.
-    let force = "[[force]]\nmass = 3\nstart = 0.0\nduration = 100.0\nnewton = 0.3\n";
+    let force = "[[force]]\nmass = 3\nstart = 0.001\nduration = 100.0\nnewton = 0.3\n";
     let pulled = file("pulled.toml", &format!("{drive}\n{force}"));
     let (code, error) = run(&["--plant", &pulled]);
     assert_eq!(code, Some(1), "{error}");

@@ -145,7 +145,7 @@ fn a_static_force_on_the_last_load_leaves_the_springs_stretched() {
     let mut plant = PlantFile::from(&drive);
     plant.forces.push(ExternalForce {
         mass: 3,
-        start: 0.0,
+        start: 1e-3,
         duration: 10.0,
         newton: 0.1,
     });

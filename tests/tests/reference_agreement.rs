@@ -52,8 +52,10 @@ fn core_follows_the_reference_step_by_step() {
         )
         .unwrap();
         core.request(Request::Start).unwrap();
-        core.request(Request::Step(Position(TARGET as f32)))
-            .unwrap();
+        core.request(Request::Step(
+            design.encoder().place(Position(TARGET as f32)),
+        ))
+        .unwrap();
         let mut reference = ReferenceController::new(&reference_drive, &gains, observer);
         let states = recorded[0].output.estimate.len();
         let mut estimate = vec![Signal::default(); states];

@@ -4,7 +4,7 @@
 #![cfg(feature = "virtual-board")]
 
 use arso_core::observer::Anchored;
-use arso_core::{Controller, Counts, Current, Measurement, Mode, Position, Request};
+use arso_core::{Controller, Counts, Current, Measurement, Mode, Place, Request};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::simulate::plant::Plant;
@@ -38,7 +38,7 @@ fn recording() -> (Vec<u8>, Vec<u32>) {
         plant.advance(current.0.into()).unwrap();
         request = match (request, controller.mode(), left) {
             (_, Mode::Ready, None) => Some((2, Request::Start)),
-            (Some((2, _)), _, _) => Some((3, Request::Step(Position(0.03)))),
+            (Some((2, _)), _, _) => Some((3, Request::Step(Place(30_000)))),
             _ => None,
         };
         if let Some((2, _)) = request {

@@ -100,6 +100,7 @@ pub(super) mod tests {
             applied_current: -0.001,
             command: 0.0,
             limited: true,
+            position_set: false,
             reference: 0.0,
             position: 0.0,
             velocity: 0.0,

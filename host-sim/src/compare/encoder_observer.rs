@@ -11,7 +11,7 @@ use crate::linear::zoh::zero_order_hold;
 use crate::simulate::{Control, ControlOutput};
 use arso_core::encoder::{self, Encoder};
 use arso_core::limits::Limits;
-use arso_core::{Counts, Current};
+use arso_core::{Counts, Current, Place};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
 /// Densities of the noise the filter is made for.
@@ -78,8 +78,9 @@ impl EncoderObserver {
 impl Control for EncoderObserver {
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let reading = self.encoder.0.step(&mut self.encoder.1, Counts(count));
+        let position = self.encoder.0.distance(Place(0), reading.place);
         let predicted = &self.transition * &self.state + &self.input * applied;
-        let innovation = f64::from(reading.position.0) - predicted[0];
+        let innovation = f64::from(position.0) - predicted[0];
         self.state = predicted + &self.correction * innovation;
         let mut error = self.state.clone();
         for position in error.iter_mut().step_by(2).take(self.state.len() / 2) {
@@ -92,6 +93,7 @@ impl Control for EncoderObserver {
             .ok_or_else(|| Error::Simulation("the encoder's filter is no longer finite".into()))?;
         Ok(ControlOutput {
             current: limited.current.0.into(),
+            enable: true,
             limited: limited.limited,
             reference: self.target,
             record: None,

@@ -8,6 +8,7 @@ mod encoder;
 mod friction;
 mod observer;
 mod stability;
+mod start_up;
 
 use super::Design;
 use super::paper;
@@ -21,6 +22,8 @@ use friction::friction_share;
 use nalgebra::{DMatrix, DVector, RowDVector};
 use observer::{observer_samples, observer_speed};
 use serde::Serialize;
+
+use start_up::{holding_share, unheld_force};
 
 pub use encoder::quarter_of_range;
 pub(super) use observer::{OBSERVER_SPEED, what_changes_its_speed};
@@ -94,6 +97,8 @@ pub(super) fn checks(design: &Design) -> Result<Vec<Check>> {
         encoder_noise(design),
         counts_per_period(design)?,
         friction_share(design),
+        holding_share(design),
+        unheld_force(design),
         current_step(design),
         commissioning_brake(design)?,
     ])

@@ -4,6 +4,7 @@ use super::Design;
 use crate::machine::Units;
 use arso_core::Settings;
 use arso_core::observer::{LinearObserver, StateObserver};
+use arso_core::protection::Travel;
 use std::fmt::Write;
 
 /// The file for the firmware, complete.
@@ -128,6 +129,14 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
             load.position, load.velocity
         );
     }
+    let travel = protection.travel.map_or_else(
+        || "None".to_owned(),
+        |Travel { lowest, highest }| {
+            let path = "arso_core::protection::Travel";
+            let [lowest, highest] = [lowest, highest].map(|end| format!("arso_core::{end:?}"));
+            format!("Some({path} {{ lowest: {lowest}, highest: {highest} }})")
+        },
+    );
     let _ = write!(
         text,
         "{I}{I}],\n\
@@ -139,6 +148,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          {I}{I}jerk: {:?}, // {jerk}\n\
          {I}{I}total_mass: {:?}, // {mass}\n\
          {I}}},\n\
+         {I}holding_force: {:?}, // {force}\n\
          {I}protection: ProtectionLimits {{\n\
          {I}{I}encoder_step: {:?}, // {position}\n\
          {I}{I}velocity: {:?}, // {velocity}\n\
@@ -151,6 +161,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          {I}{I}saturation_time: {:?}, // s\n\
          {I}{I}continuous_current: {:?}, // A\n\
          {I}{I}thermal_time: {:?}, // s\n\
+         {I}{I}travel: {travel}, // counts from zero\n\
          {I}}},\n\
          }};\n",
         limits.current_limit,
@@ -159,6 +170,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         motion.acceleration,
         motion.jerk,
         motion.total_mass,
+        settings.holding_force,
         protection.encoder_step,
         protection.velocity,
         protection.following_error,

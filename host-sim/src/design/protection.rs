@@ -17,9 +17,11 @@
 //! | `saturation_time` | 0.25 s, or four times what the motor needs to bring `M` to the velocity limit |
 //! | `continuous_current` | 70 % of the current limit |
 //! | `thermal_time` | 10 s |
+//! | `travel` | none |
 
 use super::Design;
-use arso_core::protection::ProtectionLimits;
+use arso_core::Place;
+use arso_core::protection::{ProtectionLimits, Travel};
 use serde::Serialize;
 
 /// The limits in `f64`, SI.
@@ -47,6 +49,8 @@ pub struct Protection {
     pub continuous_current: f64,
     /// s.
     pub thermal_time: f64,
+    /// Ends of the travel, m.
+    pub travel: Option<[f64; 2]>,
 }
 
 /// Shares and factors of the table above.
@@ -100,11 +104,19 @@ impl Protection {
                 .continuous_current
                 .unwrap_or(CONTINUOUS * drive.actuator.current_limit),
             thermal_time: stated.thermal_time.unwrap_or(THERMAL_TIME),
+            travel: stated.travel,
         }
     }
 
     /// As the core takes them.
-    pub(super) fn limits<const N: usize>(&self) -> ProtectionLimits<N> {
+    ///
+    /// * `resolution`: of the encoder, m
+    pub(super) fn limits<const N: usize>(&self, resolution: f64) -> ProtectionLimits<N> {
+        // Whole counts inside.
+        let travel = self.travel.map(|[lowest, highest]| Travel {
+            lowest: Place((lowest / resolution).ceil() as i64),
+            highest: Place((highest / resolution).floor() as i64),
+        });
         ProtectionLimits {
             encoder_step: self.encoder_step as f32,
             velocity: self.velocity as f32,
@@ -120,6 +132,7 @@ impl Protection {
             saturation_time: self.saturation_time as f32,
             continuous_current: self.continuous_current as f32,
             thermal_time: self.thermal_time as f32,
+            travel,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The tables that say what is wanted of a drive: sampling, observer, cost, limits of a move.
 
-use super::document::{Document, SMALLEST};
+use super::document::{Document, LARGEST, SMALLEST};
 use super::schema::{Number, RawControl, RawCost, RawMotion, RawObserver, RawProtection};
 use super::{
     Control, Cost, MoveLimits, Observer, ObserverMethod, ObserverSettings, StatedProtection,
@@ -192,6 +192,29 @@ impl Document<'_> {
             saturation_time: stated("saturation_time", &raw.saturation_time, "s")?,
             continuous_current: stated("continuous_current", &raw.continuous_current, "A")?,
             thermal_time: stated("thermal_time", &raw.thermal_time, "s")?,
+            travel: raw
+                .travel
+                .as_ref()
+                .map(|travel| self.travel(travel))
+                .transpose()?,
         })
+    }
+
+    /// The two ends of the travel.
+    fn travel(&self, raw: &Spanned<Vec<Number>>) -> Result<[f64; 2]> {
+        let unit = self.units().position;
+        let ends: Vec<f64> = raw.get_ref().iter().map(|end| *end.get_ref()).collect();
+        match ends[..] {
+            [lowest, highest] if lowest < highest && lowest.abs().max(highest.abs()) <= LARGEST => {
+                Ok([lowest, highest])
+            }
+            _ => {
+                let message = format!(
+                    "protection.travel = {ends:?}: must be two numbers, the lower end first, within \
+                     {LARGEST:e} {unit}"
+                );
+                Err(self.error(Some(raw.span()), message))
+            }
+        }
     }
 }

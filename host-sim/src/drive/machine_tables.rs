@@ -28,7 +28,17 @@ impl Document<'_> {
                 self.checked("actuator.current_resolution", value, ok, &allowed)?
             }
         };
+        let holding_force = match &raw.holding_force {
+            None => 0.0,
+            Some(value) => {
+                let ok = value.get_ref().abs() <= LARGEST;
+                let allowed = format!("within {LARGEST:e} {}", units.force);
+                self.checked("actuator.holding_force", value, ok, &allowed)?
+            }
+        };
         Ok(Actuator {
+            holding_force,
+            brake: raw.brake.unwrap_or(false),
             mass_deviation: self.deviation(
                 "actuator.mass_deviation",
                 raw.mass_deviation.as_ref(),

@@ -60,6 +60,12 @@ pub(super) struct RawActuator {
     /// A: step of the current output; 0 or absent: continuous.
     #[schemars(with = "Option<f64>")]
     pub(super) current_resolution: Option<Number>,
+    /// N: force by which the motor holds the machine where it stands, against gravity, positive as a positive
+    /// current; 0 when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) holding_force: Option<Number>,
+    /// Whether a brake holds the actuator while the amplifier is off; false when absent.
+    pub(super) brake: Option<bool>,
     /// kg: identified minus nominal mass, Delta `m` of (18).
     #[schemars(with = "Option<f64>")]
     pub(super) mass_deviation: Option<Number>,
@@ -242,6 +248,9 @@ pub(super) struct RawProtection {
     /// In which the motor heats up, s.
     #[schemars(with = "Option<f64>")]
     pub(super) thermal_time: Option<Number>,
+    /// Lower and upper end of where the actuator may be, m from zero, once zero is known.
+    #[schemars(with = "Option<[f64; 2]>")]
+    pub(super) travel: Option<Spanned<Vec<Number>>>,
 }
 
 /// JSON schema of a drive file, or of a plant file.

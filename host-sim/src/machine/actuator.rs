@@ -15,6 +15,10 @@ pub struct Actuator {
     pub current_limit: f64,
     /// Step of the current output, A; zero for a continuous one.
     pub current_resolution: f64,
+    /// Force by which the motor holds the machine where it stands, against gravity, N.
+    pub holding_force: f64,
+    /// Whether a brake holds the actuator while the amplifier is off.
+    pub brake: bool,
 }
 
 impl Actuator {

@@ -12,3 +12,14 @@ pub struct ExternalForce {
     /// N.
     pub newton: f64,
 }
+
+impl ExternalForce {
+    /// How long a force from the start on must act to have been there before, s: longer than any start-up.
+    const STEADY: f64 = 5.0;
+
+    /// Whether it has been there before, as gravity has.
+    #[must_use]
+    pub fn steady(&self) -> bool {
+        self.start == 0.0 && self.duration >= Self::STEADY
+    }
+}

@@ -44,6 +44,13 @@ pub fn protection(design: &Design) -> String {
         right(springs.collect::<Vec<_>>().join("  ")),
         Cell::new(position),
     ]);
+    if let Some(ends) = limits.travel {
+        table.add_row([
+            Cell::new("travel, once zero is known"),
+            right(ends.map(|end| significant(end, 4)).join(" to ")),
+            Cell::new(position),
+        ]);
+    }
     format!("{table}\n")
 }
 

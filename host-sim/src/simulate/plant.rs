@@ -1,7 +1,8 @@
 //! The simulated plant: what is really there.
 //!
 //! A machine in [`Motion`] under the held current, the forces from outside and friction, behind an
-//! amplifier that keeps its own limit; the encoder rounds to whole counts and wraps.
+//! amplifier that keeps its own limit; the encoder rounds to whole counts and wraps. Where it has a brake,
+//! this holds the actuator while the amplifier is off.
 
 use crate::chain::Chain;
 use crate::drive::PlantFile;
@@ -10,6 +11,25 @@ use crate::linear::zoh::zero_order_hold;
 use crate::machine::motion::PARTS;
 use crate::machine::{ExternalForce, Motion, chain_of};
 use nalgebra::DVector;
+
+/// Friction of a brake, N: more than anything overcomes.
+const BRAKE: f64 = 1e12;
+
+/// Where the loads are at rest under the steady forces while the actuator is held at the origin: each spring
+/// carries what pulls at the masses beyond it.
+fn hanging(chain: &Chain, forces: &[ExternalForce]) -> DVector<f64> {
+    let mut state = DVector::zeros(chain.states());
+    let mut position = 0.0;
+    for load in 1..=chain.loads() {
+        let beyond = forces
+            .iter()
+            .filter(|force| force.steady() && force.mass >= load);
+        let pull: f64 = beyond.map(|force| force.newton).sum();
+        position += pull / chain.stiffness[load - 1];
+        state[2 * load] = position;
+    }
+    state
+}
 
 /// A plant in motion.
 #[derive(Clone, Debug)]
@@ -22,12 +42,18 @@ pub struct Plant {
     forces: Vec<(ExternalForce, DVector<f64>)>,
     part: f64,
     motion: Motion,
+    /// The same under friction that nothing overcomes, where there is a brake.
+    braked: Option<Motion>,
+    /// Whether the amplifier is on.
+    enabled: bool,
+    /// State in which it hangs under the steady forces, the actuator held.
+    hanging: DVector<f64>,
     /// Parts of periods that have passed.
     parts: u64,
 }
 
 impl Plant {
-    /// A plant at rest at the origin.
+    /// A plant at rest at the origin, its loads where steady forces pull them; amplifier off.
     ///
     /// * `period`: of the control, s
     #[must_use]
@@ -39,16 +65,31 @@ impl Plant {
             let (_, response) = zero_order_hold(&a, &chain.force_input(force.mass), part);
             (force.clone(), response)
         });
+        let braked = file
+            .actuator
+            .brake
+            .then(|| Motion::new(&chain, BRAKE, period));
+        let hanging = hanging(&chain, &file.forces);
+        let mut motion = Motion::new(&chain, file.friction.coulomb, period);
+        motion.state_mut().copy_from(&hanging);
         Self {
             current_limit: file.actuator.current_limit,
             resolution: file.encoder.resolution,
             counter_mask: u32::MAX >> (32 - file.encoder.counter_bits),
             forces: forces.collect(),
             part,
-            motion: Motion::new(&chain, file.friction.coulomb, period),
+            motion,
+            braked,
+            enabled: false,
+            hanging,
             parts: 0,
             chain,
         }
+    }
+
+    /// The amplifier is switched on or off, and with it the brake.
+    pub fn enable(&mut self, enabled: bool) {
+        self.enabled = enabled;
     }
 
     /// The chain that is simulated.
@@ -68,10 +109,21 @@ impl Plant {
         *self.motion.state_mut() = state;
     }
 
+    /// Puts the plant into a state that is given without the steady forces, which then act as well.
+    pub fn start_from(&mut self, state: &DVector<f64>) {
+        self.set_state(state + &self.hanging);
+    }
+
+    /// Where the encoder really is, counts from the origin.
+    #[must_use]
+    pub fn place(&self) -> i64 {
+        (self.state()[0] / self.resolution).round() as i64
+    }
+
     /// Encoder counter as the hardware would show it.
     #[must_use]
     pub fn count(&self) -> u32 {
-        (self.state()[0] / self.resolution).round() as i64 as u32 & self.counter_mask
+        self.place() as u32 & self.counter_mask
     }
 
     /// Force between actuator and load, positive when the load holds the actuator back, N.
@@ -87,12 +139,21 @@ impl Plant {
     pub fn advance(&mut self, current: f64) -> Result<()> {
         let current = current.clamp(-self.current_limit, self.current_limit);
         let motor = current * self.chain.force_constant;
+        let before = self.state()[0];
+        let held = match &mut self.braked {
+            Some(braked) if !self.enabled => {
+                braked.state_mut().copy_from(self.motion.state());
+                std::mem::swap(&mut self.motion, braked);
+                true
+            }
+            _ => false,
+        };
         let begin = self.parts as f64 * self.part;
         let end = begin + f64::from(PARTS) * self.part;
         let acts = |force: &ExternalForce| {
             force.newton != 0.0 && force.start < end && begin < force.start + force.duration
         };
-        if self.forces.iter().any(|(force, _)| acts(force)) {
+        if held || self.forces.iter().any(|(force, _)| acts(force)) {
             let (forces, parts, length) = (&self.forces, self.parts, self.part);
             self.motion.in_parts(motor, |part, state| {
                 let begin = (parts + u64::from(part)) as f64 * length;
@@ -109,6 +170,14 @@ impl Plant {
             self.motion.advance(motor);
         }
         self.parts += u64::from(PARTS);
+        if let (true, Some(braked)) = (held, &mut self.braked) {
+            std::mem::swap(&mut self.motion, braked);
+            let state = self.motion.state_mut();
+            state.copy_from(braked.state());
+            // The brake holds to the last digit.
+            state[0] = before;
+            state[1] = 0.0;
+        }
         if self.state().iter().all(|x| x.is_finite()) {
             Ok(())
         } else {
@@ -239,6 +308,42 @@ mod tests {
         }
         let expected = (-0.5 * 0.2 / 0.078_f64).exp();
         assert!((plant.state()[1] / expected - 1.0).abs() < 1e-3);
+    }
+
+    /// Under gravity the loads hang still from a braked actuator, the springs carry what hangs from them,
+    /// and when the brake opens all fall at the same rate.
+    #[test]
+    fn a_brake_holds_what_hangs() {
+        let weights = [0.059, 0.019, 0.019, 0.019].map(|mass| -9.81 * mass);
+        let mut plant = plant(|file| {
+            file.actuator.brake = true;
+            file.forces = weights
+                .iter()
+                .enumerate()
+                .map(|(mass, newton)| ExternalForce {
+                    mass,
+                    start: 0.0,
+                    duration: 100.0,
+                    newton: *newton,
+                })
+                .collect();
+        });
+        let before = plant.state().clone();
+        let first = -9.81 * 3.0 * 0.019 / 300.0;
+        assert!((before[2] - first).abs() < 1e-12, "{before}");
+        for _ in 0..200 {
+            plant.advance(1.0).unwrap();
+        }
+        assert!((plant.state() - &before).amax() < 1e-9, "{}", plant.state());
+        plant.enable(true);
+        for _ in 0..50 {
+            plant.advance(0.0).unwrap();
+        }
+        assert!((centre_of_mass(&plant, 1) + 9.81 * 0.05).abs() < 1e-9);
+        let falling = plant.state()[0];
+        plant.enable(false);
+        plant.advance(0.0).unwrap();
+        assert_eq!((plant.state()[0], plant.state()[1]), (falling, 0.0));
     }
 
     #[test]

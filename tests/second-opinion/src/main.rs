@@ -21,7 +21,7 @@ mod gains;
 #[cfg(target_os = "none")]
 mod replay {
     use crate::gains::{GAINS, LOADS};
-    use arso_core::{Controller, Counts, Current, Measurement, Position, Request};
+    use arso_core::{Controller, Counts, Current, Measurement, Place, Request};
     use cortex_m_rt::entry;
     use cortex_m_semihosting::{debug, nr, syscall};
 
@@ -63,7 +63,7 @@ mod replay {
             match u16::from_le_bytes([r0, r1]) {
                 1 => controller.request(Request::Commission).ok()?,
                 2 => controller.request(Request::Start).ok()?,
-                3 => controller.request(Request::Step(Position(0.03))).ok()?,
+                3 => controller.request(Request::Step(Place(30_000))).ok()?,
                 _ => {}
             }
             let command = controller.step(Measurement {

@@ -55,6 +55,7 @@ const CARRY: u64 = 4000;
 /// Pins of the switches.
 const RUN: u32 = 2;
 const EXCITE: u32 = 3;
+const ZERO: u32 = 4;
 const TARGET: [u32; 2] = [0, 1];
 
 /// Where the switches of the board stand; all open by default.
@@ -64,6 +65,8 @@ pub struct Switches {
     pub run: bool,
     /// A run plays the excitation.
     pub excite: bool,
+    /// Where the machine stands is zero.
+    pub zero: bool,
     /// Which target, 0 to 3.
     pub target: u32,
 }
@@ -74,8 +77,8 @@ impl Switches {
     pub fn run(target: u32) -> Self {
         Self {
             run: true,
-            excite: false,
             target,
+            ..Self::default()
         }
     }
 
@@ -85,7 +88,7 @@ impl Switches {
         Self {
             run: true,
             excite: true,
-            target: 0,
+            ..Self::default()
         }
     }
 }
@@ -191,11 +194,13 @@ impl Rig {
         let Switches {
             run,
             excite,
+            zero,
             target,
         } = switches;
         let port = &mut self.board.bus_mut().ports[2];
         port.set_level(RUN, run);
         port.set_level(EXCITE, excite);
+        port.set_level(ZERO, zero);
         for (bit, pin) in TARGET.into_iter().enumerate() {
             port.set_level(pin, target >> bit & 1 == 1);
         }
@@ -273,6 +278,7 @@ impl Rig {
             if self.wiring.motor_reversed {
                 current = -current;
             }
+            self.plant.enable(enabled);
             self.plant.advance(current).map_err(|error| Stop::Fault {
                 pc: 0,
                 error: error.to_string(),
@@ -321,8 +327,7 @@ impl Rig {
         periods: u32,
     ) -> Result<Vec<Period>, Stop> {
         let mut machine = Plant::new(plant, self.sample_time);
-        let state = scenario.initial_state(machine.chain());
-        machine.set_state(state);
+        machine.start_from(&scenario.initial_state(machine.chain()));
         self.plant = machine;
         self.held = true;
         // Carried back at a speed the encoder's filter lets through.
@@ -335,6 +340,13 @@ impl Rig {
             }
         }
         self.periods(SETTLED)?;
+        // The experiment's origin is the machine's.
+        self.switches(Switches {
+            zero: true,
+            ..Switches::default()
+        });
+        self.periods(SETTLED)?;
+        self.switches(Switches::default());
         let target = match (scenario.approach, scenario.target) {
             (Approach::Move, _) => 3,
             (Approach::Step, 0.03) => 1,

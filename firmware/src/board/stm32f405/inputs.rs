@@ -22,29 +22,41 @@ impl<Pin: InputPin> board::AmplifierFault for AmplifierFault<Pin> {
     }
 }
 
-/// Excite switch and both bits of the target switches.
+/// Excite switch, zero switch and both bits of the target switches.
 pub(crate) struct Switches<
     Excite = gpioc::PC3<Input>,
+    Zero = gpioc::PC4<Input>,
     Low = gpioc::PC0<Input>,
     High = gpioc::PC1<Input>,
 > {
     excite: Excite,
+    zero: Zero,
     low: Low,
     high: High,
 }
 
-impl<Excite: InputPin, Low: InputPin, High: InputPin> Switches<Excite, Low, High> {
-    pub(super) fn new(excite: Excite, low: Low, high: High) -> Self {
-        Self { excite, low, high }
+impl<Excite: InputPin, Zero: InputPin, Low: InputPin, High: InputPin>
+    Switches<Excite, Zero, Low, High>
+{
+    pub(super) fn new(excite: Excite, zero: Zero, low: Low, high: High) -> Self {
+        Self {
+            excite,
+            zero,
+            low,
+            high,
+        }
     }
 }
 
-impl<Excite: InputPin, Low: InputPin, High: InputPin> Inputs for Switches<Excite, Low, High> {
+impl<Excite: InputPin, Zero: InputPin, Low: InputPin, High: InputPin> Inputs
+    for Switches<Excite, Zero, Low, High>
+{
     fn read(&mut self) -> Levels {
         let low = self.low.is_high().unwrap_or(false);
         let high = self.high.is_high().unwrap_or(false);
         Levels {
             excite: self.excite.is_high().unwrap_or(false),
+            zero: self.zero.is_high().unwrap_or(false),
             target: u8::from(low) | u8::from(high) << 1,
         }
     }

@@ -8,6 +8,7 @@
 //! | PB13 | amplifier fault, low: fault |
 //! | PC2 | run switch |
 //! | PC3 | excite switch |
+//! | PC4 | zero switch |
 //! | PC0, PC1 | target switches, low and high bit |
 //!
 //! One file per peripheral. The only `unsafe` of the firmware is in here, each with its reason.
@@ -85,6 +86,7 @@ pub(crate) fn start(
         amplifier_fault: inputs::AmplifierFault(port_b.pb13.into_pull_up_input()),
         inputs: inputs::Switches::new(
             port_c.pc3.into_pull_down_input(),
+            port_c.pc4.into_pull_down_input(),
             port_c.pc0.into_pull_down_input(),
             port_c.pc1.into_pull_down_input(),
         ),

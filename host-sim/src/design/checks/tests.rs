@@ -27,6 +27,7 @@ fn unprotected(drive: &mut Drive) {
         saturation_time: Some(1e6),
         continuous_current: wide,
         thermal_time: Some(1e6),
+        travel: None,
     };
 }
 
@@ -188,7 +189,7 @@ fn the_fastest_of_a_move_is_that_of_its_plan() {
         });
         let moves = RigidMoves::new(design.motion_limits(), 6.43, 1e-3);
         let mut reference = Memory::default();
-        moves.move_to(&mut reference, Position(paper::STEP as f32));
+        moves.move_by(&mut reference, Position(paper::STEP as f32));
         let velocities = (0..2000).map(|_| moves.step::<1>(&mut reference).velocity.0);
         let fastest = f64::from(velocities.fold(0.0, f32::max));
         let expected = encoder::move_speed(&design);
