@@ -1,5 +1,5 @@
-//! Start-up as real machines make it difficult: encoder noise, an offset of the amplifier, gravity, an encoder
-//! finer than anything that matters. Core and plant as `simulate` has them, from commissioning until the drive
+//! Start-up as real machines make it difficult: encoder noise, an offset of the amplifier, cogging, gravity, an
+//! encoder finer than anything that matters. Core and plant as `simulate` has them, from commissioning until the drive
 //! has held for a while.
 
 use arso_core::{Counts, Current, Fault, Measurement, Mode, Request};
@@ -19,8 +19,13 @@ struct Hidden {
     noise: f64,
     /// Of the amplifier while it is on, A.
     offset: f64,
+    /// Amplitude of the cogging, N, and the angle at which the machine stands in it.
+    cogging: (f64, f64),
     seed: u64,
 }
+
+/// Distance from one detent of the cogging to the next, m.
+const PITCH: f64 = 0.01;
 
 /// The mode in which start-up and half a second of holding leave the drive, and how far it then stands from where
 /// it closed the loop, m.
@@ -41,7 +46,10 @@ fn started(drive: &Drive, plant: &PlantFile, hidden: Hidden) -> (Mode, f64) {
         current = command.current;
         plant.enable(command.enable);
         let flowing = f64::from(current.0) + if command.enable { hidden.offset } else { 0.0 };
-        plant.advance(flowing).unwrap();
+        let (amplitude, angle) = hidden.cogging;
+        let turned = std::f64::consts::TAU * plant.state()[0] / PITCH + angle;
+        let cogging = -amplitude * turned.sin() / drive.actuator.force_constant;
+        plant.advance(flowing + cogging).unwrap();
         match (core.record().mode, began) {
             (Mode::Ready, _) => {
                 core.request(Request::Start).unwrap();
@@ -97,10 +105,40 @@ fn an_offset_of_the_amplifier_is_carried() {
             noise: 0.5,
             offset,
             seed: 1,
+            ..Hidden::default()
         };
         let (mode, off) = started(&drive, &default_plant(|_| {}), hidden);
         assert_eq!(mode, Mode::Running, "{offset} A");
         assert!(off < 1e-3, "{offset} A: {off}");
+    }
+}
+
+/// 0.1 N of cogging: in a detent without friction, anywhere with some, two counts of noise besides.
+#[test]
+fn cogging_is_carried() {
+    let drive = Drive::default_drive();
+    for eighth in 0..8 {
+        let angle = std::f64::consts::TAU * f64::from(eighth) / 8.0;
+        for coulomb in [0.0, 0.12, 0.3] {
+            if coulomb == 0.0 && eighth != 0 {
+                continue;
+            }
+            let plant = default_plant(|plant| {
+                plant.friction = Friction {
+                    coulomb,
+                    viscous: 0.0,
+                };
+            });
+            let hidden = Hidden {
+                noise: 0.5,
+                cogging: (0.1, angle),
+                seed: 7,
+                ..Hidden::default()
+            };
+            let (mode, off) = started(&drive, &plant, hidden);
+            assert_eq!(mode, Mode::Running, "{eighth}/8, friction {coulomb} N");
+            assert!(off < 1e-3, "{eighth}/8, friction {coulomb} N: {off}");
+        }
     }
 }
 
