@@ -69,7 +69,7 @@ impl IdentifyCommand {
         let parameters = Parameters::new(&drive, experiment, &hold)?;
         let log = Log::load(&self.log, &drive)?;
         let result = {
-            let progress = Progress::new(quiet);
+            let progress = Progress::new(quiet, "frequency response");
             identify(&drive, &log, &parameters, &|done, of, what| {
                 progress.step(done, of, what);
             })?
