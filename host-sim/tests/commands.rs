@@ -143,6 +143,11 @@ fn a_long_run_is_a_small_plot() {
     assert_eq!(run(&arguments).0, 0);
     let svg = fs::read_to_string(plot).unwrap();
     assert!(svg.len() < 2_000_000 && svg.contains("amplifier off beyond"));
+    // A dot for each line that is played, and one in the legend.
+    let (_, text, _) = run(&["excite", "--json", "--out", out]);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let lines = value["lines"].as_u64().unwrap() as usize;
+    assert_eq!(svg.matches("<circle").count(), 1 + lines);
 }
 
 /// One load has one phase portrait.

@@ -101,10 +101,9 @@ pub fn plot(plan: &ExcitationPlan, drive: &Drive) -> Result<String> {
         .map(|(line, amplitude)| (line as f64 / plan.period(), amplitude))
         .collect();
     // Lines that are not played are no lines.
-    let least = spectrum.iter().map(|line| line.1).fold(0.0, f64::max) * PLAYED;
-    let mut spectrum: Vec<(f64, f64)> = spectrum.into_iter().filter(|l| l.1 > least).collect();
-    // The height is to be seen from zero.
-    spectrum.push((0.0, 0.0));
+    let greatest = spectrum.iter().map(|line| line.1).fold(0.0, f64::max);
+    let least = PLAYED * greatest;
+    let spectrum: Vec<(f64, f64)> = spectrum.into_iter().filter(|l| l.1 > least).collect();
     let spectrum = vec![Series::dots("lines", 2, spectrum)];
 
     let motion = plan.motion(drive)?.into_iter().enumerate();
@@ -130,6 +129,7 @@ pub fn plot(plan: &ExcitationPlan, drive: &Drive) -> Result<String> {
                 caption: "its spectrum",
                 axes: ("frequency [Hz]", "amplitude [A]"),
                 series: spectrum,
+                heights: (greatest > 0.0).then_some((0.0, 1.1 * greatest)),
                 ..Panel::default()
             },
             Panel {
