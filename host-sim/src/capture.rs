@@ -67,7 +67,7 @@ impl Capture {
                     self.origins.push(origin);
                 }
                 if new || starts {
-                    self.say(words, message);
+                    self.say(&format!("{words}: {origin}"), message);
                 }
             }
             Line::Message(text) => self.say(text, message),
@@ -173,7 +173,16 @@ pub fn read_text(stream: impl Read, mut message: impl FnMut(&str)) -> Result<Cap
             return Ok(capture);
         }
         capture.bytes += length as u64;
-        capture.take(&String::from_utf8_lossy(&line), &mut message);
+        // Text has no control characters but those of white space and of colours.
+        let binary = |character: &char| {
+            character.is_control() && !character.is_whitespace() && *character != '\x1b'
+        };
+        match std::str::from_utf8(&line) {
+            Ok(text) if !text.chars().any(|c| binary(&c)) => {
+                capture.take(text, &mut message);
+            }
+            _ => capture.malformed += 1,
+        }
     }
 }
 
@@ -262,7 +271,12 @@ mod tests {
         let (capture, seen) = read(&lines);
         let fingerprints: Vec<u32> = capture.origins.iter().map(|o| o.fingerprint).collect();
         assert_eq!(fingerprints, [1, 2]);
-        assert_eq!(seen, ["INFO drive: 2 loads"; 2]);
+        let named = |fingerprint| {
+            format!(
+                "INFO drive: rotary, 2 loads, control period 0.0005 s, fingerprint 0000000{fingerprint}"
+            )
+        };
+        assert_eq!(seen, [1, 2].map(named));
         assert_eq!(
             capture.origins[0].differences(&capture.origins[1]),
             ["gains or other settings with fingerprint 00000001, not 00000002"]

@@ -74,14 +74,46 @@ const MEMORY: (f64, usize) = (1.0, 400);
 /// Least fit, %: with less the figures are those of some other machine.
 const LEAST_FIT: f64 = 50.0;
 
+/// Share of the energy exchanged below which a current has given nothing: what rounding makes of a machine
+/// without friction.
+const NOTHING: f64 = 0.01;
+
 /// Identifies what is not held.
 ///
 /// * `progress`: told of each fit as its turn comes
 ///
 /// # Errors
 /// [`Error::Identification`] when the log does not determine a quantity, or no machine of this
-/// structure explains it.
+/// structure explains it; [`Error::Input`] when one does with the current's sign reversed.
 pub fn identify(
+    drive: &Drive,
+    log: &Log,
+    parameters: &Parameters,
+    progress: &Progress<'_>,
+) -> Result<Identification> {
+    let message = match explain(drive, log, parameters, progress) {
+        Err(Error::Identification(message)) if log.work < NOTHING => message,
+        explained => return explained,
+    };
+    // Wiring is named where it explains the whole log, and nothing less.
+    if explain(drive, &log.reversed(), parameters, progress).is_ok() {
+        return Err(Error::Input {
+            place: log.name.clone(),
+            message: "the encoder counts against the current: swap the encoder's phases or the motor's leads"
+                .into(),
+        });
+    }
+    if log.work > -NOTHING {
+        return Err(Error::Identification(message));
+    }
+    Err(Error::Identification(format!(
+        "{message}; and the motion gives energy to the current, which it cannot from rest: the log begins with \
+         the load deflected or moving, or something else pushes the machine"
+    )))
+}
+
+/// The machine behind a log, if there is one.
+fn explain(
     drive: &Drive,
     log: &Log,
     parameters: &Parameters,

@@ -13,10 +13,10 @@ pub fn unwatched(_: usize, _: usize, _: &str) {}
 
 /// How the temporary files of [`write_file`] begin and end.
 const TEMPORARY: (&str, &str) = (".host-sim-", ".tmp");
-/// An unfinished file older than this is nobody's any more.
-const ABANDONED: Duration = Duration::from_secs(600);
+/// A run locks its unfinished file within this after it has created it.
+const LOCKED: Duration = Duration::from_secs(1);
 
-/// Removes what runs that were killed have left unfinished in a folder.
+/// Removes what runs that were killed have left unfinished in a folder: nobody has these files locked.
 fn clean_up(directory: &Path) {
     let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
     for entry in entries {
@@ -26,7 +26,9 @@ fn clean_up(directory: &Path) {
         let abandoned = || {
             let metadata = entry.metadata().ok()?;
             let age = metadata.modified().ok()?.elapsed().ok()?;
-            (metadata.is_file() && age > ABANDONED).then_some(())
+            let old = metadata.is_file() && age > LOCKED;
+            let file = old.then(|| std::fs::File::open(entry.path()).ok())??;
+            file.try_lock().ok()
         };
         if ours && abandoned().is_some() {
             // What cannot be removed does no harm.
@@ -57,6 +59,8 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut file = builder.tempfile_in(directory).map_err(&error)?;
+    // Where files cannot be locked, none is taken for abandoned either.
+    let _ = file.as_file().try_lock();
     file.write_all(content).map_err(&error)?;
     file.as_file().sync_all().map_err(&error)?;
     file.persist(path).map_err(|e| error(e.error))?;
@@ -97,20 +101,23 @@ pub fn significant(value: f64, figures: usize) -> String {
 mod tests {
     use super::*;
 
-    /// Unfinished files of runs that were killed go, those of runs that go on stay, and so does what
-    /// somebody else calls nearly the same.
+    /// Unfinished files of runs that were killed go, those of runs that go on stay, however long they take, and
+    /// so does what somebody else calls nearly the same.
     #[test]
     fn abandoned_files_are_removed() {
         let directory = tempfile::tempdir().unwrap();
-        let old = std::time::SystemTime::now() - 2 * ABANDONED;
+        let old = std::time::SystemTime::now() - 2 * LOCKED;
         let make = |name: &str, age: Option<std::time::SystemTime>| {
             let file = std::fs::File::create(directory.path().join(name)).unwrap();
             if let Some(time) = age {
                 file.set_modified(time).unwrap();
             }
+            file
         };
         make(".host-sim-abandoned.tmp", Some(old));
-        make(".host-sim-at-work.tmp", None);
+        let at_work = make(".host-sim-at-work.tmp", Some(old));
+        at_work.lock().unwrap();
+        make(".host-sim-new.tmp", None);
         make(".host-simulation.txt", Some(old));
         make("host-sim-old.tmp", Some(old));
         write_file(&directory.path().join("new.txt"), b"new").unwrap();
@@ -122,6 +129,7 @@ mod tests {
             names,
             [
                 ".host-sim-at-work.tmp",
+                ".host-sim-new.tmp",
                 ".host-simulation.txt",
                 "host-sim-old.tmp",
                 "new.txt"

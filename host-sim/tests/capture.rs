@@ -57,7 +57,14 @@ fn the_log_says_which_drive_it_is_of() {
     ]
     .join("\n");
     let (code, csv, error) = capture(&log, &["--csv"]);
-    assert_eq!((code, error.as_str()), (0, "INFO drive ready: 2 loads\n"));
+    // As the checksum protects it, and not as the words beside it have it.
+    assert_eq!(
+        (code, error.as_str()),
+        (
+            0,
+            "INFO drive ready: rotary, 2 loads, control period 0.0005 s, fingerprint 00001a2b\n"
+        )
+    );
     assert!(csv.contains("actuator_position[rad]"), "{csv}");
     assert!(
         csv.lines().nth(2).unwrap().starts_with("0.0005,2,Idle"),
@@ -199,4 +206,63 @@ fn closed_messages_lose_no_log() {
         .unwrap();
     assert!(child.wait().unwrap().success());
     assert!(directory.path().join("log.csv").exists());
+}
+
+/// A raw stream taken for text: nothing of it is shown, and what is missing is named.
+#[test]
+fn a_raw_stream_without_its_firmware_is_named() {
+    let mut command = host_sim();
+    let raw: Vec<u8> = (0..4000_u32).map(|k| (k * 37 % 256) as u8).collect();
+    let (code, out, error) = ran(command.arg("capture").write_stdin(raw));
+    assert_eq!((code, out.as_str()), (1, ""));
+    assert_eq!(error.lines().count(), 1, "{error}");
+    assert!(
+        error.contains("needs the firmware that logged it, with --elf"),
+        "{error}"
+    );
+}
+
+/// The CSV says which drive wrote it, and `identify` reads that.
+#[test]
+fn the_csv_says_which_drive_it_is_of() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("log.csv");
+    let log = [identity("drive ready"), record(1), record(2)].join("\n");
+    let (_, csv, _) = capture(&log, &["--csv"]);
+    assert!(
+        csv.lines().next().unwrap().ends_with(",drive[name]"),
+        "{csv}"
+    );
+    assert!(
+        csv.lines()
+            .all(|row| row.ends_with(",rotary-2-00001a2b") != row.starts_with("time"))
+    );
+
+    // A log as long as it must be, of a drive of either kind.
+    let log_of = |mark: &str| {
+        let rows = (0..400).map(|k| {
+            let (time, count) = (f64::from(k) * 1e-3, (k * k) / 16);
+            format!("{time:.3},{count},{},{mark}\n", f64::from(k % 7) * 0.01)
+        });
+        let header = "time[s],count[1],applied_current[A],drive[name]\n";
+        fs::write(&path, format!("{header}{}", rows.collect::<String>())).unwrap();
+        let out = directory.path().to_str().unwrap();
+        ran(host_sim().args(["identify", path.to_str().unwrap(), "--out", out]))
+    };
+    let (code, _, error) = log_of("rotary-2-00001a2b");
+    assert_eq!((code, error.lines().count()), (2, 1), "{error}");
+    assert!(
+        error.contains("the log is of a rotary drive, and the drive file"),
+        "{error}"
+    );
+    let (code, _, error) = log_of("nonsense");
+    assert!(
+        code == 2 && error.contains("drive[name] = \"nonsense\""),
+        "{error}"
+    );
+    let (_, _, error) = log_of("linear-2-00001a2b");
+    assert!(
+        error.contains("2 loads, not 3") && error.contains("fingerprint 00001a2b"),
+        "{error}"
+    );
 }

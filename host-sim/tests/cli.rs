@@ -210,6 +210,11 @@ fn bad_drives_get_one_sentence_that_says_where() {
             ":5: invalid type: string \"heavy\"",
         ),
         ("mass = 0.059 ", "maas = 0.059 ", ":5: unknown field `maas`"),
+        (
+            "mass = 0.059 ",
+            "mass = 0,059 ",
+            ":5: a number has a decimal point, not a comma",
+        ),
         ("mass = 0.059 ", "", ": missing field `mass`"),
         (
             "force_constant = 6.43",

@@ -143,6 +143,11 @@ fn a_long_run_is_a_small_plot() {
     assert_eq!(run(&arguments).0, 0);
     let svg = fs::read_to_string(plot).unwrap();
     assert!(svg.len() < 2_000_000 && svg.contains("amplifier off beyond"));
+    // A dot for each line that is played, and one in the legend.
+    let (_, text, _) = run(&["excite", "--json", "--out", out]);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let lines = value["lines"].as_u64().unwrap() as usize;
+    assert_eq!(svg.matches("<circle").count(), 1 + lines);
 }
 
 /// One load has one phase portrait.
@@ -170,4 +175,28 @@ fn no_panel_is_drawn_twice() {
     assert_eq!(code, 0, "{error}");
     let svg = fs::read_to_string(directory.path().join("fig3.svg")).unwrap();
     assert_eq!(svg.matches("phase portrait").count(), 1);
+}
+
+/// What takes long is said on a terminal, however few its steps are, and nowhere else.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_takes_long_says_so_on_a_terminal() {
+    let directory = tempfile::tempdir().unwrap();
+    let run = |quiet: &str| {
+        let program = assert_cmd::cargo::cargo_bin!("host-sim")
+            .display()
+            .to_string();
+        let command =
+            format!("{program} simulate --scenario fig3 --csv --duration 250 {quiet} > /dev/null");
+        let output = std::process::Command::new("script")
+            .args(["-qec", &command, "/dev/null"])
+            .current_dir(directory.path())
+            .output()
+            .unwrap();
+        assert!(output.status.success());
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let shown = run("");
+    assert!(shown.contains("0/1 fig3"), "{shown}");
+    assert_eq!(run("--quiet"), "");
 }

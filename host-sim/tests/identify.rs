@@ -362,3 +362,67 @@ fn what_a_log_does_not_determine_is_refused() {
     );
     assert!(!Path::new(&toml).exists());
 }
+
+/// Rewiring is advised where it explains the log, and not where the motion had its energy from elsewhere.
+#[test]
+fn wiring_is_named_only_where_it_explains_the_log() {
+    let drive = Drive::default_drive();
+    // A weak excitation on a motor that brakes: what it takes out of the motion it has not put in.
+    let braking = |plant: &PlantFile, last_load: f64| {
+        let mut machine = Plant::new(plant, 1e-3);
+        let mut state = machine.state().clone();
+        state[6] = last_load;
+        machine.set_state(state);
+        let mut text = String::from("time[s],count[1],applied_current[A]\n0,0,0\n");
+        for (k, weak) in (1..3000).zip(excitation(&drive)) {
+            let current = 0.02 * weak - 0.05 * machine.state()[1];
+            machine.advance(current).unwrap();
+            let time = f64::from(k) * 1e-3;
+            writeln!(text, "{time:.3},{},{current}", machine.count()).unwrap();
+        }
+        text
+    };
+    let push = "[[force]]\nmass = 3\nstart = 1.0\nduration = 1.0\nnewton = 0.2\n";
+    let pushed = PlantFile::parse(&format!("{DRIVE}\n{push}"), "plant.toml").unwrap();
+    for (what, log) in [
+        ("deflected", braking(&PlantFile::from(&drive), 0.02)),
+        ("pushed", braking(&pushed, 0.0)),
+    ] {
+        let (code, _, error) = identify(&log, &[]);
+        assert_eq!(code, 1, "{what}: {error}");
+        assert_eq!(error.lines().count(), 1, "{what}: {error}");
+        assert!(!error.contains("swap"), "{what}: {error}");
+        let other = "the log begins with the load deflected or moving, or something else pushes";
+        assert!(error.contains(other), "{what}: {error}");
+    }
+}
+
+/// Without friction all energy comes back, and rounding decides on its sign.
+#[test]
+fn a_free_actuator_without_friction_is_identified() {
+    let drive = Drive::default_drive();
+    let (mass, force_constant) = (0.059, 6.43);
+    let free = |sign: f64| {
+        let mut text = String::from("time[s],count[1],applied_current[A]\n0,0,0\n");
+        let (mut position, mut velocity) = (0.0, 0.0);
+        for (k, current) in (1..).zip(excitation(&drive)) {
+            let acceleration = sign * force_constant * current / mass;
+            position += 1e-3 * velocity + 0.5e-6 * acceleration;
+            velocity += 1e-3 * acceleration;
+            let count = (position / 1e-6_f64).round().rem_euclid(65_536.0);
+            let time = f64::from(k) * 1e-3;
+            writeln!(text, "{time:.3},{count},{current}").unwrap();
+        }
+        text
+    };
+    let (code, text, error) = identify(&free(1.0), &["--run", "free", "--json"]);
+    assert_eq!(code, 0, "{error}");
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let found = value["parameters"]["actuator.mass"]["value"]
+        .as_f64()
+        .unwrap();
+    assert!((found / mass - 1.0).abs() < 1e-3, "{value}");
+    let (code, _, error) = identify(&free(-1.0), &["--run", "free"]);
+    assert_eq!(code, 2, "{error}");
+    assert!(error.contains("swap the encoder's phases"), "{error}");
+}

@@ -50,7 +50,7 @@ fn every_control_step_is_in_the_log() {
         capture
             .messages
             .iter()
-            .any(|message| message.starts_with("INFO drive ready: 3 loads"))
+            .any(|message| message.starts_with("INFO drive ready: linear, 3 loads"))
     );
 
     // The experiment's first period is the one after the last start.

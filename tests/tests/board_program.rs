@@ -38,6 +38,13 @@ fn a_run_that_fails_says_so() {
         error.contains("the firmware is not this drive's"),
         "{error}"
     );
+    // What it did on a machine that is not its own is not shown.
+    assert_eq!(error.lines().count(), 1, "{error}");
+
+    let rotary = drive.replacen("[actuator]", "kind = \"rotary\"\n[actuator]", 1);
+    let (code, error) = run(&["--plant", &file("rotary.toml", &rotary)]);
+    assert_eq!(code, Some(2), "{error}");
+    assert!(error.contains("must be of the same kind"), "{error}");
 
     // A weight on the load: it ends where the springs let it.
     let force = "[[force]]\nmass = 3\nstart = 0.001\nduration = 100.0\nnewton = 0.3\n";

@@ -37,14 +37,31 @@ impl Origin {
 
     /// What the drive said; nothing where it names a kind of drive that there is not.
     pub(super) fn said(identity: &Identity<'_>) -> Option<Self> {
-        let kinds = [Kind::Linear, Kind::Rotary];
         Some(Self {
-            kind: kinds
-                .into_iter()
-                .find(|kind| kind.name() == identity.kind)?,
+            kind: Kind::named(identity.kind)?,
             loads: identity.loads.into(),
             period: short(identity.sample_time),
             fingerprint: identity.fingerprint,
+        })
+    }
+
+    /// In one word, but for the control period: what [`Origin::marked`] reads.
+    #[must_use]
+    pub fn mark(&self) -> String {
+        let (kind, loads) = (self.kind.name(), self.loads);
+        format!("{kind}-{loads}-{:08x}", self.fingerprint)
+    }
+
+    /// From one word; nothing when it is none.
+    #[must_use]
+    pub fn marked(mark: &str, period: f64) -> Option<Self> {
+        let (kind, rest) = mark.split_once('-')?;
+        let (loads, fingerprint) = rest.split_once('-')?;
+        Some(Self {
+            kind: Kind::named(kind)?,
+            loads: loads.parse().ok()?,
+            period: short(period as f32),
+            fingerprint: u32::from_str_radix(fingerprint, 16).ok()?,
         })
     }
 

@@ -25,7 +25,7 @@ pub(super) enum Line<'a> {
         origin: Origin,
         /// Whether it says so because it has just started.
         starts: bool,
-        /// The line without the bytes.
+        /// What the line begins with, level included.
         words: &'a str,
     },
     /// Words.
@@ -51,6 +51,8 @@ pub(super) fn line(text: &str) -> Line<'_> {
             Origin::said(&identity).filter(|_| whole)
         });
         let starts = words.contains(START);
+        // What follows says in words what is in the bytes, and is not protected by the checksum.
+        let words = words.split_once(": ").map_or(words, |(begin, _)| begin);
         return origin.map_or(Line::Damaged, |origin| Line::Drive {
             origin,
             starts,
@@ -173,7 +175,7 @@ pub(super) mod tests {
             panic!("{start}");
         };
         assert_eq!((found, starts), (origin, true));
-        assert_eq!(words, "INFO drive ready: 2 loads");
+        assert_eq!(words, "INFO drive ready");
         let again = said("drive: ", 0xABCD);
         assert!(matches!(line(&again), Line::Drive { starts: false, .. }));
         assert_eq!(line(&start.replace('[', "[1, ")), Line::Damaged);

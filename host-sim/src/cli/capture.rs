@@ -71,7 +71,7 @@ impl CaptureCommand {
             }
         })
         .map_err(|error| Error::Capture(format!("Ctrl-C cannot be caught: {error}")))?;
-        let progress = Progress::new(quiet);
+        let progress = Progress::new(quiet, "log");
         let stream = progress.counting(self.stream(server)?);
         // Messages are shown as they come, the records at the end.
         let message = |text: &str| progress.say(text);
@@ -87,8 +87,13 @@ impl CaptureCommand {
         };
         drop(progress);
         if capture.records.is_empty() {
+            let raw = if elf.is_none() && capture.malformed > 0 {
+                "; a raw defmt stream needs the firmware that logged it, with --elf"
+            } else {
+                ""
+            };
             return Err(Error::Capture(format!(
-                "the log of {} bytes holds no control period ({} damaged frames)",
+                "the log of {} bytes holds no control period ({} damaged frames){raw}",
                 capture.bytes, capture.malformed
             )));
         }

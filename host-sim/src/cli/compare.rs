@@ -31,10 +31,10 @@ pub(super) struct CompareCommand {
 
 impl CompareCommand {
     pub(super) fn run(self, quiet: bool) -> Result<()> {
+        let progress = Progress::new(quiet, "design");
         let design = Design::new(&self.drive.load()?)?;
         require_comparable(&design)?;
         require_sound(&design)?;
-        let progress = Progress::new(quiet);
         let rows = compare(&design, &|done, of, what| progress.step(done, of, what))?;
         drop(progress);
         if let Some(path) = &self.plot {

@@ -1,6 +1,7 @@
 //! `host-sim design`: gains from a drive file.
 
 use super::drive_argument::DriveArgument;
+use super::progress::Progress;
 use crate::design::Design;
 use crate::design::assessment::Assessment;
 use crate::error::Result;
@@ -28,8 +29,10 @@ pub(super) struct DesignCommand {
 
 impl DesignCommand {
     pub(super) fn run(self, quiet: bool) -> Result<()> {
+        let progress = Progress::new(quiet, "design");
         let design = Design::new(&self.drive.load()?)?;
         let assessment = Assessment::new(&design)?;
+        drop(progress);
         let origin = self.drive.name();
         let sound = assessment.require_sound();
         if let (Some(path), true) = (&self.rust, sound.is_ok()) {

@@ -1,13 +1,15 @@
 //! `host-sim identify`: masses, springs and friction from a log.
 
 use super::progress::Progress;
-use crate::drive::{DEFAULT_DRIVE, Drive};
+use crate::capture::Origin;
+use crate::design::Design;
+use crate::drive::{DEFAULT_DRIVE, DEFAULT_NAME, Drive};
 use crate::error::{Error, Result};
 use crate::identify::{Experiment, Log, Parameters, drive_file, identify};
 use crate::output::{print, write_file};
 use crate::report::identification;
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Identify masses, springs and friction from a log of encoder and current.
 ///
@@ -68,8 +70,9 @@ impl IdentifyCommand {
         };
         let parameters = Parameters::new(&drive, experiment, &hold)?;
         let log = Log::load(&self.log, &drive)?;
+        require_same_kind(&log, &drive, self.drive.as_deref())?;
         let result = {
-            let progress = Progress::new(quiet);
+            let progress = Progress::new(quiet, "frequency response");
             identify(&drive, &log, &parameters, &|done, of, what| {
                 progress.step(done, of, what);
             })?
@@ -95,4 +98,39 @@ impl IdentifyCommand {
         }
         print(&text)
     }
+}
+
+/// A log of the other kind of drive is refused; whatever else differs is said.
+fn require_same_kind(log: &Log, drive: &Drive, file: Option<&Path>) -> Result<()> {
+    let Some(mark) = &log.drive else {
+        return Ok(());
+    };
+    let said = Origin::marked(mark, log.period).ok_or_else(|| Error::Input {
+        place: log.name.clone(),
+        message: format!(
+            "drive[name] = \"{mark}\": must be kind, loads and fingerprint as `capture` writes them"
+        ),
+    })?;
+    if said.kind != drive.kind {
+        return Err(Error::Usage(format!(
+            "the log is of a {} drive, and the drive file describes a {} one",
+            said.kind.name(),
+            drive.kind.name()
+        )));
+    }
+    // A description for which there are no gains is not that of a drive that ran.
+    let Ok(design) = Design::new(drive) else {
+        return Ok(());
+    };
+    let differences = said.differences(&Origin::of(&design)?);
+    if !differences.is_empty() {
+        let file = file.map(|path| path.display().to_string());
+        eprintln!(
+            "warning: the log is not of the drive that {} describes: it is of one with {}; what is taken \
+             from the file is right only where it holds for that drive too",
+            file.unwrap_or(DEFAULT_NAME.into()),
+            differences.join(", ")
+        );
+    }
+    Ok(())
 }

@@ -3,21 +3,45 @@
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{Read, Write};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// A line that is shown, once it is worth it.
 pub(super) struct Progress {
     bar: ProgressBar,
     quiet: bool,
+    /// Shows the line in time, however long a step takes; ends when its channel does.
+    clock: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
 /// What is done within this is not worth a line.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 impl Progress {
-    pub(super) fn new(quiet: bool) -> Self {
+    /// * `what`: comes first
+    pub(super) fn new(quiet: bool, what: &'static str) -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
-        Self { bar, quiet }
+        let mut progress = Self {
+            bar: bar.with_message(what),
+            quiet,
+            clock: None,
+        };
+        progress.style("{spinner} {msg} ({elapsed})");
+        if quiet {
+            return progress;
+        }
+        let (sender, end) = channel();
+        let bar = progress.bar.clone();
+        let wait = move || {
+            if end.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+                show(&bar);
+            }
+        };
+        // Without a thread there is no line, and all else goes on.
+        let thread = std::thread::Builder::new().spawn(wait).ok();
+        progress.clock = thread.map(|thread| (sender, thread));
+        progress
     }
 
     /// So many steps of so many are done, and what comes next.
@@ -29,16 +53,13 @@ impl Progress {
         }
         self.bar.set_message(what.to_owned());
         self.bar.set_position(done as u64);
-        if !self.quiet && self.bar.is_hidden() && self.bar.elapsed() > PATIENCE {
-            self.show();
-        }
     }
 
     /// A stream whose bytes are counted from the first one on: who waits for it does so for a reason.
     pub(super) fn counting<R: Read>(&self, stream: R) -> impl Read {
         self.style("{spinner} {bytes} in {elapsed}; Ctrl-C ends the log");
         if !self.quiet {
-            self.show();
+            show(&self.bar);
         }
         self.bar.wrap_read(stream)
     }
@@ -57,15 +78,20 @@ impl Progress {
             self.bar.set_style(style);
         }
     }
+}
 
-    fn show(&self) {
-        self.bar.set_draw_target(ProgressDrawTarget::stderr());
-        self.bar.enable_steady_tick(Duration::from_millis(200));
-    }
+fn show(bar: &ProgressBar) {
+    bar.set_draw_target(ProgressDrawTarget::stderr());
+    bar.enable_steady_tick(Duration::from_millis(200));
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
+        if let Some((end, thread)) = self.clock.take() {
+            drop(end);
+            // A clock that failed has shown nothing.
+            let _ = thread.join();
+        }
         self.bar.finish_and_clear();
     }
 }

@@ -59,6 +59,7 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 
 impl Simulate {
     pub(super) fn run(self, quiet: bool) -> Result<()> {
+        let progress = Progress::new(quiet, "design");
         let drive = self.drive.load()?;
         let plant = match &self.plant {
             None => PlantFile::from(&drive),
@@ -93,14 +94,15 @@ impl Simulate {
         let design = Design::new(&drive)?;
         require_sound(&design)?;
         if let (true, [scenario]) = (self.csv, &scenarios[..]) {
+            progress.step(0, 1, scenario.name);
             let run = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
+            drop(progress);
             print(&String::from_utf8_lossy(&csv(&run)?))?;
             return require_no_fault([&run]);
         }
 
         let mut runs: Vec<(Run, Metrics)> = Vec::new();
         let mut files = Vec::new();
-        let progress = Progress::new(quiet);
         for (done, scenario) in scenarios.iter().enumerate() {
             progress.step(done, scenarios.len(), scenario.name);
             let of = |law| watched(&design, &plant, scenario, law, self.duration);

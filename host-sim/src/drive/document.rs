@@ -32,7 +32,13 @@ impl<'a> Document<'a> {
             kind: Kind::default(),
         };
         let raw: RawFile = toml::from_str(text).map_err(|error| {
-            let message = error.message().trim().replace('\n', "; ");
+            let mut message = error.message().trim().replace('\n', "; ");
+            if error
+                .span()
+                .is_some_and(|span| document.decimal_comma(span.start))
+            {
+                message = "a number has a decimal point, not a comma".into();
+            }
             document.error(error.span(), message)
         })?;
         if let Some(kind) = &raw.kind {
@@ -74,6 +80,17 @@ impl<'a> Document<'a> {
             );
             self.error(Some(word.span()), message)
         })
+    }
+
+    /// Whether the line at this byte gives a key a number with a comma.
+    fn decimal_comma(&self, at: usize) -> bool {
+        let before = self.text.get(..at).unwrap_or("");
+        let line = self.text.lines().nth(before.matches('\n').count());
+        let value = line
+            .and_then(|line| line.split_once('='))
+            .map_or("", |(_, value)| value);
+        let value = value.split('#').next().unwrap_or("").trim();
+        value.matches(',').count() == 1 && value.replace(',', ".").parse::<f64>().is_ok()
     }
 
     /// `file:line`, as far as known.

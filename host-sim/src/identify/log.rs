@@ -3,9 +3,9 @@
 //! semicolons or tabs, with decimal commas, with a byte-order mark.
 //!
 //! `count` is the encoder at `time`, `applied_current` the current over the period that ends then. Other
-//! columns are ignored but one: where a `mode[name]` (`state[name]` in older
-//! captures) says what the drive was doing, the longest stretch
-//! of excitation is taken, or else of closed loop. The stretch must begin at rest; a longer rest is left
+//! columns are ignored but two: where a `mode[name]` (`state[name]` in older captures) says what the drive was
+//! doing, the longest stretch of excitation is taken, or else of closed loop; `drive[name]` says which drive it
+//! was. The stretch must begin at rest; a longer rest is left
 //! out, and so is what comes after the first minute at a control period of a millisecond.
 
 use crate::drive::Drive;
@@ -17,6 +17,10 @@ use std::path::Path;
 /// A log, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
+    /// Its name, for messages.
+    pub name: String,
+    /// The drive that wrote it, as `capture` marks it; nothing where it does not say.
+    pub drive: Option<String>,
     /// Control period, s.
     pub period: f64,
     /// Position of the actuator at each sample, from the first one on, m.
@@ -25,6 +29,9 @@ pub struct Log {
     pub current: Vec<f64>,
     /// Control periods at the end that were left out.
     pub left_out: usize,
+    /// Energy that the current gave to the motion, over all that went to and fro between them, -1 to 1. From
+    /// rest a current can only give to a machine, whatever its springs.
+    pub work: f64,
 }
 
 /// Fewer rows say nothing.
@@ -65,7 +72,7 @@ impl Log {
             place: line.map_or(name.into(), |line| format!("{name}:{line}")),
             message,
         };
-        let rows = rows(text, &error)?;
+        let (rows, drive_name) = rows(text, &error)?;
         let rows = moving(stretch(&rows));
         let left_out = rows.len().saturating_sub(MOST);
         let rows = &rows[..rows.len() - left_out];
@@ -132,17 +139,21 @@ impl Log {
             );
             return Err(error(Some(rows[1].line), message));
         }
-        // From rest a current can only give energy to a machine, whatever its springs.
         let steps = position.windows(2).map(|pair| pair[1] - pair[0]);
-        let work = steps
-            .zip(&rows[1..])
-            .map(|(step, row)| step as f64 * row.current);
-        if work.sum::<f64>() < 0.0 {
-            let message = "the encoder counts against the current: swap the encoder's phases or the motor's \
-                           leads";
-            return Err(error(None, message.into()));
+        let (mut work, mut exchanged) = (0.0, 0.0);
+        for (step, row) in steps.zip(&rows[1..]) {
+            let given = step as f64 * row.current;
+            work += given;
+            exchanged += given.abs();
         }
         Ok(Self {
+            name: name.into(),
+            drive: drive_name,
+            work: if exchanged > 0.0 {
+                work / exchanged
+            } else {
+                0.0
+            },
             period,
             position: position
                 .iter()
@@ -158,10 +169,19 @@ impl Log {
     pub(super) fn beginning(&self, periods: usize) -> Self {
         let periods = periods.min(self.current.len());
         Self {
-            period: self.period,
             position: self.position[..=periods].to_vec(),
             current: self.current[..periods].to_vec(),
-            left_out: self.left_out,
+            ..self.clone()
+        }
+    }
+
+    /// The log of the same motion under the opposite current.
+    #[must_use]
+    pub(super) fn reversed(&self) -> Self {
+        Self {
+            current: self.current.iter().map(|current| -current).collect(),
+            work: -self.work,
+            ..self.clone()
         }
     }
 }
@@ -201,7 +221,11 @@ fn number(text: &str, separator: u8) -> Option<f64> {
     number.ok().filter(|value| value.is_finite())
 }
 
-fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Result<Vec<Row>> {
+/// All rows, and the drive that they say they are of.
+fn rows(
+    text: impl Read,
+    error: &impl Fn(Option<usize>, String) -> Error,
+) -> Result<(Vec<Row>, Option<String>)> {
     let (text, separator, skipped) = separated(text).map_err(|problem| error(None, problem))?;
     let mut reader = csv::ReaderBuilder::new()
         .delimiter(separator)
@@ -223,6 +247,8 @@ fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Res
         })?;
     }
     let mode = column("mode[name]").or(column("state[name]"));
+    let drive = column("drive[name]");
+    let mut drive_name = None;
     let mut rows = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|problem| error(None, format!("is no CSV: {problem}")))?;
@@ -248,6 +274,12 @@ fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Res
                 error(Some(line), message)
             })
         };
+        if drive_name.is_none() {
+            drive_name = drive
+                .and_then(|drive| record.get(drive))
+                .filter(|name| !name.is_empty())
+                .map(str::to_owned);
+        }
         let count = number(1)?;
         if count.fract() != 0.0 || count.abs() > f64::from(u32::MAX) {
             let message = format!(
@@ -267,7 +299,7 @@ fn rows(text: impl Read, error: &impl Fn(Option<usize>, String) -> Error) -> Res
                 .to_owned(),
         });
     }
-    Ok(rows)
+    Ok((rows, drive_name))
 }
 
 /// The longest run of rows in which the drive was excited, or else ran; everything where no row says.

@@ -85,6 +85,13 @@ const ROTARY: Units = Units {
 };
 
 impl Kind {
+    /// The kind of this name, if there is one.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let kinds = [Kind::Linear, Kind::Rotary];
+        kinds.into_iter().find(|kind| kind.name() == name)
+    }
+
     /// The units of this kind.
     #[must_use]
     pub const fn units(self) -> &'static Units {

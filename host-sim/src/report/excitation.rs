@@ -9,6 +9,9 @@ use crate::output::significant;
 use serde_json::json;
 use std::fmt::Write;
 
+/// Share of the greatest amplitude up to which a line of the spectrum is not there.
+const PLAYED: f64 = 0.01;
+
 /// One row per control period of all repetitions; the current is held from the row's time to the
 /// next.
 #[must_use]
@@ -96,8 +99,11 @@ pub fn plot(plan: &ExcitationPlan, drive: &Drive) -> Result<String> {
     let amplitudes = plan.amplitudes().into_iter().enumerate().skip(1);
     let spectrum: Vec<(f64, f64)> = amplitudes
         .map(|(line, amplitude)| (line as f64 / plan.period(), amplitude))
-        .filter(|(frequency, _)| *frequency <= 1.5 * plan.band()[1])
         .collect();
+    // Lines that are not played are no lines.
+    let greatest = spectrum.iter().map(|line| line.1).fold(0.0, f64::max);
+    let least = PLAYED * greatest;
+    let spectrum: Vec<(f64, f64)> = spectrum.into_iter().filter(|l| l.1 > least).collect();
     let spectrum = vec![Series::dots("lines", 2, spectrum)];
 
     let motion = plan.motion(drive)?.into_iter().enumerate();
@@ -123,6 +129,7 @@ pub fn plot(plan: &ExcitationPlan, drive: &Drive) -> Result<String> {
                 caption: "its spectrum",
                 axes: ("frequency [Hz]", "amplitude [A]"),
                 series: spectrum,
+                heights: (greatest > 0.0).then_some((0.0, 1.1 * greatest)),
                 ..Panel::default()
             },
             Panel {

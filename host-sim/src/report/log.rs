@@ -4,7 +4,7 @@
 //! estimates and follows while its loop is closed is left blank while it is open.
 
 use super::columns;
-use crate::capture::Capture;
+use crate::capture::{Capture, Origin};
 use crate::error::{Error, Result};
 use crate::machine::Kind;
 use crate::report::plot::{Panel, Series, panels};
@@ -101,11 +101,18 @@ pub fn csv(capture: &Capture, period: f64, kind: Kind) -> Result<Vec<u8>> {
     let shown = shown(capture);
     let mut writer = ::csv::Writer::from_writer(Vec::new());
     let header = ["time[s]".into(), "period[1]".into(), "mode[name]".into()];
+    // Last, and the same in every row: which drive wrote this must not get lost.
+    let mark = capture.origins.first().map(Origin::mark);
     let titles = shown
         .iter()
         .map(|column| columns::title(kind.units(), column));
     writer
-        .write_record(header.into_iter().chain(titles))
+        .write_record(
+            header
+                .into_iter()
+                .chain(titles)
+                .chain(mark.as_ref().map(|_| "drive[name]".into())),
+        )
         .map_err(|e| failed(e.to_string()))?;
     for (record, time) in capture.records.iter().zip(capture.times(period)) {
         let mut row = vec![
@@ -116,6 +123,7 @@ pub fn csv(capture: &Capture, period: f64, kind: Kind) -> Result<Vec<u8>> {
         row.extend(shown.iter().map(|column| {
             value(record, column).map_or(String::new(), |value| text(column, value))
         }));
+        row.extend(mark.clone());
         writer
             .write_record(row)
             .map_err(|e| failed(e.to_string()))?;

@@ -149,6 +149,7 @@ impl Panel<'_> {
         };
         let heights = (y.start, y.end);
         let rows = !self.rows.is_empty();
+        let (width, height) = (x.end - x.start, y.end - y.start);
         let mut chart = ChartBuilder::on(&chart)
             .margin(8)
             .margin_right(16)
@@ -162,12 +163,16 @@ impl Panel<'_> {
             at.cloned().unwrap_or_default()
         };
         let mut mesh = chart.configure_mesh();
-        mesh.x_desc(self.axes.0).light_line_style(WHITE);
+        let along = |value: &f64| tick(*value, width);
+        let up = |value: &f64| tick(*value, height);
+        mesh.x_desc(self.axes.0)
+            .x_label_formatter(&along)
+            .light_line_style(WHITE);
         if rows {
             mesh.y_label_formatter(&name)
                 .y_labels(2 * self.rows.len() + 1);
         } else {
-            mesh.y_desc(self.axes.1);
+            mesh.y_desc(self.axes.1).y_label_formatter(&up);
         }
         mesh.draw()?;
         for series in &self.series {
@@ -234,6 +239,17 @@ impl Panel<'_> {
     }
 }
 
+/// A number at an axis of some length: no more figures than it needs, and no zero with a sign.
+fn tick(value: f64, length: f64) -> String {
+    let decimals = (3.0 - length.log10().floor()).clamp(0.0, 12.0) as usize;
+    let text = format!("{value:.decimals$}");
+    let text = match text.split_once('.') {
+        Some(_) => text.trim_end_matches('0').trim_end_matches('.'),
+        None => &text,
+    };
+    if text == "-0" { "0" } else { text }.to_owned()
+}
+
 /// The span of all values with a margin, never empty.
 fn range(spans: impl Iterator<Item = (f64, f64)>) -> std::ops::Range<f64> {
     let (low, high) = spans.fold((f64::MAX, f64::MIN), |(low, high), span| {
@@ -248,4 +264,23 @@ fn range(spans: impl Iterator<Item = (f64, f64)>) -> std::ops::Range<f64> {
         0.5 * low.abs().max(1.0)
     };
     low - margin..high + margin
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_have_the_figures_they_need() {
+        for (value, length, expected) in [
+            (0.1, 0.25, "0.1"),
+            (0.15000000000000002, 0.25, "0.15"),
+            (-1e-17, 0.6, "0"),
+            (30.0, 33.0, "30"),
+            (-6000.0, 9000.0, "-6000"),
+            (2e-5, 1e-4, "0.00002"),
+        ] {
+            assert_eq!(tick(value, length), expected);
+        }
+    }
 }

@@ -11,6 +11,8 @@ use crate::simulate::{Run, Sample};
 const LONGER: f64 = 1.4;
 /// Shortest time axis, control periods.
 const SHORTEST: usize = 50;
+/// Share of the limit below which a current is drawn without it.
+const SMALL: f64 = 0.2;
 /// Half height of the enlarged error, in settling bands.
 const ENLARGED: f64 = 4.0;
 
@@ -34,7 +36,9 @@ pub fn plot(core: &Run, bound: &Run, limit: f64) -> Result<String> {
     let mut title = format!("{}: {}", core.scenario.name, core.scenario.title(core.kind));
     if shown < whole {
         let all = core.samples.last().map_or(0.0, |sample| sample.time);
-        title += &format!(" (the first {last:.3} s of {all:.3} s, then all within 1 %)");
+        title += &format!(
+            " (the first {last:.3} s of {all:.3} s, then all within 1 % of where they end)"
+        );
     }
 
     let milli = format!("position [{}]", units.milli_position);
@@ -58,12 +62,7 @@ pub fn plot(core: &Run, bound: &Run, limit: f64) -> Result<String> {
         Series::line(name(mass), mass, points)
     }));
 
-    let mut current = Series::bounds("limit", &[-limit, limit], times);
-    current.push(Series::behind(
-        "full state",
-        series(full, |s| Some(s.command)),
-    ));
-    current.push(Series::line("drive", 1, series(drive, |s| Some(s.command))));
+    let (current_caption, current) = current(drive, full, limit, times);
 
     let missed = (1..masses).map(|mass| {
         let points = series(drive, |s| {
@@ -88,7 +87,7 @@ pub fn plot(core: &Run, bound: &Run, limit: f64) -> Result<String> {
             ..Panel::default()
         },
         Panel {
-            caption: "current",
+            caption: &current_caption,
             axes: (over, "current [A]"),
             series: current,
             ..Panel::default()
@@ -126,6 +125,30 @@ pub fn plot(core: &Run, bound: &Run, limit: f64) -> Result<String> {
     panels(&title, &content)
 }
 
+/// Caption and lines of the current; far from its limits it would be a flat line between them, and is drawn
+/// without.
+fn current(
+    drive: &[Sample],
+    full: &[Sample],
+    limit: f64,
+    times: (f64, f64),
+) -> (String, Vec<Series>) {
+    let commands = drive.iter().chain(full).map(|s| s.command.abs());
+    let peak = commands.fold(0.0, f64::max);
+    let small = peak > 0.0 && peak < SMALL * limit;
+    let mut lines = Vec::new();
+    if !small {
+        lines = Series::bounds("limit", &[-limit, limit], times);
+    }
+    lines.push(Series::behind(
+        "full state",
+        series(full, |s| Some(s.command)),
+    ));
+    lines.push(Series::line("drive", 1, series(drive, |s| Some(s.command))));
+    let enlarged = if small { ", enlarged" } else { "" };
+    (format!("current, limited to {limit} A{enlarged}"), lines)
+}
+
 fn masses(run: &Run) -> usize {
     let first = run.samples.first();
     first.map_or(0, |sample| sample.truth.len() / 2)
@@ -146,14 +169,15 @@ fn band(run: &Run) -> f64 {
     SETTLING_BAND * (run.scenario.target - start).abs()
 }
 
-/// Samples up to some time after the last one in which a mass is outside its band, or the reference not at
-/// its end; all of them when that goes on to the end.
+/// Samples up to some time after the last one in which a mass is not where it ends, on its target or beside it,
+/// or the reference not at its end; all of them when that goes on to the end.
 fn moving(run: &Run) -> usize {
     let band = band(run) / 2.0;
     let target = run.scenario.target;
-    let masses = masses(run);
+    let end = run.samples.last().map_or(&[][..], |s| s.truth.as_slice());
     let moves = |s: &Sample| {
-        (0..masses).any(|mass| (s.truth[2 * mass] - target).abs() > band)
+        let positions = s.truth.iter().zip(end).step_by(2);
+        positions.into_iter().any(|(x, end)| (x - end).abs() > band)
             || (s.reference - target).abs() > band
     };
     let last = run.samples.iter().rposition(moves).unwrap_or(0);

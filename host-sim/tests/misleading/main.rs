@@ -281,3 +281,21 @@ fn what_passes_needs_no_explanation() {
     assert_eq!(check["verdict"], "warn");
     assert!(text.contains(check["advice"].as_str().unwrap()), "{text}");
 }
+
+/// A drive that stands beside its target stands: the plot ends where the motion does.
+#[test]
+fn the_plot_ends_where_the_motion_does() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("drive.toml"), BELT_2A).unwrap();
+    fs::write(directory.path().join("plant.toml"), BELT_2A_PLANT).unwrap();
+    let mut command = host_sim();
+    command
+        .args(FIG3)
+        .args(["--plant", "plant.toml", "--quiet"]);
+    let (code, _, error) = ran(command.current_dir(directory.path()));
+    assert_eq!((code, error.as_str()), (0, ""));
+    let svg = fs::read_to_string(directory.path().join("out/fig3.svg")).unwrap();
+    let (_, shown) = svg.split_once("(the first ").expect("a shorter time axis");
+    let seconds: f64 = shown.split_once(" s of ").unwrap().0.parse().unwrap();
+    assert!(seconds < 0.6, "{seconds}");
+}

@@ -80,6 +80,7 @@ impl Cli {
             None => PlantFile::from(&drive),
             Some(path) => PlantFile::load(path)?,
         };
+        plant.require_fit(&drive)?;
         let scenario = Scenario::named(&self.scenario).expect("clap knows the names");
 
         let stopped = |stop: Stop| Error::Simulation(stop.to_string());
@@ -98,8 +99,12 @@ impl Cli {
         if let Some(path) = &self.rtt {
             write_file(path, &rig.log)?;
         }
-        let capture = read_defmt(&bytes, &place, &rig.log[..], |text| eprintln!("{text}"))?;
+        let capture = read_defmt(&bytes, &place, &rig.log[..], |_| ())?;
+        // What another drive's firmware did on this machine means nothing.
         require_same_drive(&capture, &drive)?;
+        for message in &capture.messages {
+            eprintln!("{message}");
+        }
         let periods = result.map_err(stopped)?;
 
         if self.csv {
@@ -211,6 +216,7 @@ impl Cli {
 fn require_same_drive(capture: &Capture, drive: &Drive) -> Result<(), Error> {
     let expected = Origin::of(&Design::new(drive)?)?;
     let Some(said) = capture.origins.first() else {
+        eprintln!("warning: the firmware does not say which drive it is of");
         return Ok(());
     };
     let differences = said.differences(&expected);
