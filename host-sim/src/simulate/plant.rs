@@ -25,7 +25,10 @@ fn hanging(chain: &Chain, forces: &[ExternalForce]) -> DVector<f64> {
             .iter()
             .filter(|force| force.steady() && force.mass >= load);
         let pull: f64 = beyond.map(|force| force.newton).sum();
-        position += pull / chain.stiffness[load - 1];
+        // A broken spring carries nothing.
+        if chain.stiffness[load - 1] > 0.0 {
+            position += pull / chain.stiffness[load - 1];
+        }
         state[2 * load] = position;
     }
     state

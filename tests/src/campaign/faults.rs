@@ -71,6 +71,10 @@ pub enum Processor {
     StackLost,
     /// The reset line is pulled.
     Reset,
+    /// The crystal stops.
+    Crystal,
+    /// The supply falls to 2.5 V.
+    Supply,
 }
 
 /// A fault with its name.
@@ -173,6 +177,8 @@ list! {
     "hard fault" => Fault::Processor(Processor::HardFault),
     "stack pointer lost, then hard fault" => Fault::Processor(Processor::StackLost),
     "reset line pulled" => Fault::Processor(Processor::Reset),
+    "crystal stops" => Fault::Processor(Processor::Crystal),
+    "supply falls to 2.5 V" => Fault::Processor(Processor::Supply),
     "log host absent" => Fault::Log(LogHost::Absent),
     "log host blocks, reads 10 bytes/ms" => Fault::Log(LogHost::Blocks(10.0)),
     "log host blocks, reads 2 bytes/ms" => Fault::Log(LogHost::Blocks(2.0)),

@@ -113,6 +113,13 @@ fn processor(fault: Processor, rig: &mut Rig, stage: &Stage) {
             rig.board.set_stack_pointer(0x1FFF_0000);
             rig.board.hard_fault();
         }
+        Processor::Crystal => {
+            if !rig.board.bus_mut().fail_crystal() {
+                // Without a clock nothing happens any more.
+                rig.board.jump_in_control_interrupt(stage.trap);
+            }
+        }
+        Processor::Supply => rig.board.bus_mut().power.set_supply(2.5),
         Processor::Reset => rig.reset_board(&stage.fresh),
     }
 }

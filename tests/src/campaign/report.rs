@@ -39,8 +39,7 @@ impl Report<'_> {
             "# Fault campaign\n\n{}: {} faults at {} instants of a step of 30 mm and {} at rest.\n\n\
              Goal: off within {GOAL_PERIODS} periods of the fault or {:.0} mm of travel, whichever is later, for \
              every fault that removes control; no runaway (faster than {RUNAWAY_VELOCITY} m/s or farther than \
-             {:.0} mm beyond the range of the motion, energised, no fault); off within {STOP_WITHIN} periods of opening the run switch (wanted: 1). The \
-             crystal's failure is not tried: the virtual board has no model of it.\n\n",
+             {:.0} mm beyond the range of the motion, energised, no fault); off within {STOP_WITHIN} periods of opening the run switch (wanted: 1).\n\n",
             self.firmware,
             self.rows.len(),
             self.instants,

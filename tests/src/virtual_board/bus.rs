@@ -4,6 +4,7 @@ use super::nvic::Nvic;
 use super::peripheral::converter::Converter;
 use super::peripheral::cycle_counter::CycleCounter;
 use super::peripheral::encoder_timer::EncoderTimer;
+use super::peripheral::external_lines::ExternalLines;
 use super::peripheral::flash::FlashInterface;
 use super::peripheral::gpio::Gpio;
 use super::peripheral::power::Power;
@@ -14,6 +15,9 @@ use super::peripheral::tick_timer::TickTimer;
 use super::peripheral::watchdog::Watchdog;
 use super::peripheral::{Peripheral, Unknown};
 
+/// Interrupt of the voltage detector, and its external line.
+const VOLTAGE: usize = 1;
+const VOLTAGE_LINE: u32 = 16;
 /// Interrupt of TIM2.
 const TIM2: usize = 28;
 
@@ -55,7 +59,9 @@ pub struct Bus {
     pub patched: u32,
     /// Control periods begun: update events of the time base.
     pub ticks: u64,
-    power: Power,
+    /// Supply.
+    pub power: Power,
+    lines: ExternalLines,
     flash: FlashInterface,
     cycle_counter: CycleCounter,
     systick: SysTick,
@@ -94,6 +100,18 @@ impl Bus {
             self.nvic.pend_systick();
         }
         self.nvic.set_line(TIM2, self.tick.interrupt());
+        self.lines.set(VOLTAGE_LINE, self.power.too_low());
+        self.nvic
+            .set_line(VOLTAGE, self.lines.interrupt(VOLTAGE_LINE));
+    }
+
+    /// The crystal stops; whether the processor has a clock still.
+    pub fn fail_crystal(&mut self) -> bool {
+        let watched = self.rcc.fail_crystal();
+        if watched {
+            self.nvic.pend_non_maskable();
+        }
+        watched
     }
 
     /// When something will happen next without the processor's doing.
@@ -135,6 +153,7 @@ impl Bus {
             0x4000_3000..0x4000_3400 => (true, 0x4000_3000, &mut self.watchdog),
             0x4000_7000..0x4000_7400 => (rcc.apb1(28), 0x4000_7000, &mut self.power),
             0x4000_7400..0x4000_7800 => (rcc.apb1(29), 0x4000_7400, &mut self.converter),
+            0x4001_3C00..0x4001_4000 => (true, 0x4001_3C00, &mut self.lines),
             0x4002_0000..0x4002_0C00 => {
                 let port = (address - 0x4002_0000) / 0x400;
                 let base = 0x4002_0000 + 0x400 * port;

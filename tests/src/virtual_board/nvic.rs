@@ -7,8 +7,10 @@
 
 use super::peripheral::Unknown;
 
-/// Exception number of a fault of the processor; its priority is fixed above all others.
+/// Exception number of a fault of the processor; its priority is fixed above all others but one.
 pub const HARD_FAULT: u32 = 3;
+/// Exception number of the interrupt that nothing masks.
+pub const NON_MASKABLE: u32 = 2;
 /// Exception number of interrupt 0.
 pub const FIRST_INTERRUPT: u32 = 16;
 /// Exception number of the system timer.
@@ -26,6 +28,7 @@ pub struct Nvic {
     priority: [u8; INTERRUPTS],
     /// Pending system timer, and the priorities of the system exceptions 4 to 15.
     systick_pending: bool,
+    non_maskable_pending: bool,
     system_priority: [u8; 12],
     /// Active exceptions, innermost last.
     active: Vec<u32>,
@@ -39,6 +42,7 @@ impl Default for Nvic {
             line: [false; INTERRUPTS],
             priority: [0; INTERRUPTS],
             systick_pending: false,
+            non_maskable_pending: false,
             system_priority: [0; 12],
             active: Vec::new(),
         }
@@ -56,6 +60,11 @@ impl Nvic {
         self.systick_pending = true;
     }
 
+    /// The non-maskable interrupt is asked for.
+    pub fn pend_non_maskable(&mut self) {
+        self.non_maskable_pending = true;
+    }
+
     /// The exception that runs, 0 in thread mode.
     #[must_use]
     pub fn active(&self) -> u32 {
@@ -63,7 +72,9 @@ impl Nvic {
     }
 
     fn priority_of(&self, exception: u32) -> i32 {
-        if exception == HARD_FAULT {
+        if exception == NON_MASKABLE {
+            -2
+        } else if exception == HARD_FAULT {
             -1
         } else if exception >= FIRST_INTERRUPT {
             self.priority[(exception - FIRST_INTERRUPT) as usize].into()
@@ -82,13 +93,18 @@ impl Nvic {
     /// Whether anything is pending, masked or not; wakes a sleeping processor.
     #[must_use]
     pub fn any_pending(&self) -> bool {
-        self.systick_pending || (0..INTERRUPTS).any(|interrupt| self.is_pending(interrupt))
+        self.non_maskable_pending
+            || self.systick_pending
+            || (0..INTERRUPTS).any(|interrupt| self.is_pending(interrupt))
     }
 
     /// The exception to be taken now: the most urgent pending one, if it preempts what runs and
     /// neither mask holds it back.
     #[must_use]
     pub fn next(&self, primask: bool, basepri: u8) -> Option<u32> {
+        if self.non_maskable_pending && !self.active.contains(&NON_MASKABLE) {
+            return Some(NON_MASKABLE);
+        }
         if primask {
             return None;
         }
@@ -115,7 +131,9 @@ impl Nvic {
 
     /// Takes an exception.
     pub fn enter(&mut self, exception: u32) {
-        if exception == SYSTICK {
+        if exception == NON_MASKABLE {
+            self.non_maskable_pending = false;
+        } else if exception == SYSTICK {
             self.systick_pending = false;
         } else if exception >= FIRST_INTERRUPT {
             self.latched[(exception - FIRST_INTERRUPT) as usize] = false;

@@ -3,6 +3,7 @@
 pub mod converter;
 pub mod cycle_counter;
 pub mod encoder_timer;
+pub mod external_lines;
 pub mod flash;
 pub mod gpio;
 pub mod power;

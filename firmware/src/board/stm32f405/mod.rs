@@ -3,7 +3,7 @@
 //! | pin | what |
 //! |---|---|
 //! | PC6, PC7 | encoder phases A, B (TIM3) |
-//! | PA4 | current reference to the servo amplifier (DAC channel 1) |
+//! | PA4 | current reference to the servo amplifier (DAC channel 1); needs a pull to half of 3.3 V, as PB12 below |
 //! | PB12 | amplifier enable, high: enabled; needs a pull-down, the pin floats during reset |
 //! | PB13 | amplifier fault, low: fault |
 //! | PC2 | run switch |
@@ -21,6 +21,7 @@ mod encoder;
 mod inputs;
 mod rtt;
 mod safe_stop;
+mod supply;
 mod watchdog;
 
 pub(crate) use safe_stop::stop;
@@ -70,6 +71,7 @@ pub(crate) fn start(
     let mut rcc = device
         .RCC
         .freeze(Config::hse(8.MHz()).sysclk(CLOCK_HZ.Hz()));
+    supply::watch(&device.PWR, &device.EXTI, &mut rcc);
     let port_a = device.GPIOA.split(&mut rcc);
     let port_b = device.GPIOB.split(&mut rcc);
     let port_c = device.GPIOC.split(&mut rcc);

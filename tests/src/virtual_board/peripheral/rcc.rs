@@ -7,6 +7,13 @@ use super::{Peripheral, Unknown};
 const HSE: u64 = 8_000_000;
 const HSI: u64 = 16_000_000;
 
+/// Bits of CR and CIR.
+const HSEON: u32 = 1 << 16;
+const CSSON: u32 = 1 << 19;
+const PLLON: u32 = 1 << 24;
+const CSSF: u32 = 1 << 7;
+const CSSC: u32 = 1 << 23;
+
 /// The registers.
 #[derive(Clone, Debug)]
 pub struct Rcc {
@@ -18,6 +25,9 @@ pub struct Rcc {
     resets: [u32; 6],
     enables: [u32; 6],
     csr: u32,
+    /// Interrupt flags.
+    cir: u32,
+    crystal_failed: bool,
 }
 
 impl Default for Rcc {
@@ -30,6 +40,8 @@ impl Default for Rcc {
             resets: [0; 6],
             enables: [0x0010_0000, 0, 0, 0, 0, 0],
             csr: 0x0E00_0000,
+            cir: 0,
+            crystal_failed: false,
         }
     }
 }
@@ -52,6 +64,20 @@ impl Rcc {
             divider @ 8.. => source >> [1, 2, 3, 4, 6, 7, 8, 9][divider as usize - 8],
             _ => source,
         }
+    }
+
+    /// The crystal stops; whether the clock security system has noticed, switched over to the internal
+    /// oscillator and asks for the non-maskable interrupt [7.2.7].
+    pub fn fail_crystal(&mut self) -> bool {
+        self.crystal_failed = true;
+        let watched = self.cr & CSSON != 0 && self.cr & HSEON != 0;
+        if watched {
+            // Crystal and PLL off, internal oscillator on and chosen.
+            self.cr = self.cr & !(HSEON | PLLON | CSSON) | 1;
+            self.cfgr &= !0b11;
+            self.cir |= CSSF;
+        }
+        watched
     }
 
     /// Processor cycles per cycle of the timers on APB1: these run at twice the bus frequency
@@ -82,7 +108,12 @@ impl Peripheral for Rcc {
         let bus = |offset: u32, base: u32| ((offset - base) / 4) as usize;
         match offset {
             // Each ready bit follows its enable bit at once.
-            0x00 => Ok(self.cr & !0x0A02_0002 | (self.cr & 0x0501_0001) << 1),
+            0x00 => {
+                let ready = (self.cr & 0x0501_0001) << 1;
+                let dead = if self.crystal_failed { HSEON << 1 } else { 0 };
+                Ok(self.cr & !0x0A02_0002 | ready & !dead)
+            }
+            0x0C => Ok(self.cir),
             0x04 => Ok(self.pll),
             // The switch status follows the switch.
             0x08 => Ok(self.cfgr & !0b1100 | (self.cfgr & 0b11) << 2),
@@ -101,6 +132,9 @@ impl Peripheral for Rcc {
             0x00 => self.cr = value,
             0x04 => self.pll = value,
             0x08 => self.cfgr = value,
+            // The flag is cleared by its own bit alone.
+            0x0C if value & CSSC != 0 => self.cir &= !CSSF,
+            0x0C => {}
             0x10..0x28 => self.resets[bus(offset, 0x10)] = value,
             0x30..0x48 => self.enables[bus(offset, 0x30)] = value,
             0x74 => self.csr = value,
@@ -131,5 +165,28 @@ mod tests {
         assert_eq!(rcc.read(0x00, 0).unwrap(), 0x0303_0003);
         rcc.write(0x40, 1 << 1, 0).unwrap();
         assert!(rcc.apb1(1) && !rcc.apb1(0));
+    }
+
+    /// Without the clock security system nobody notices; with it the processor runs on at 16 MHz.
+    #[test]
+    fn a_dead_crystal() {
+        let started = |css: u32| {
+            let mut rcc = Rcc::default();
+            rcc.write(0x04, 1 << 22 | 168 << 6 | 4, 0).unwrap();
+            rcc.write(0x00, HSEON | PLLON | css | 1, 0).unwrap();
+            rcc.write(0x08, 0b10, 0).unwrap();
+            rcc
+        };
+        assert!(!started(0).fail_crystal());
+        let mut rcc = started(CSSON);
+        assert_eq!(rcc.processor_hz(), 168_000_000);
+        assert!(rcc.fail_crystal());
+        assert_eq!(rcc.processor_hz(), HSI);
+        assert_eq!(rcc.read(0x0C, 0).unwrap(), CSSF);
+        rcc.write(0x0C, CSSC, 0).unwrap();
+        assert_eq!(rcc.read(0x0C, 0).unwrap(), 0);
+        // It does not come back.
+        rcc.write(0x00, HSEON | 1, 0).unwrap();
+        assert_eq!(rcc.read(0x00, 0).unwrap() & HSEON << 1, 0);
     }
 }
