@@ -41,6 +41,36 @@ fn a_flipped_bit_leaves_the_drive_stoppable() {
     }
 }
 
+/// Crystal and supply: the amplifier is off within the period, by the program itself and not by the watchdog,
+/// with the converter at zero current.
+#[test]
+fn a_dying_clock_or_supply_switches_off() {
+    let stage = stage(2);
+    let faults: [(&str, fn(&mut Rig)); 2] = [
+        ("crystal", |rig| {
+            assert!(rig.board.bus_mut().fail_crystal());
+        }),
+        ("supply", |rig| rig.board.bus_mut().power.set_supply(2.6)),
+    ];
+    for (name, fail) in faults {
+        for instant in 0..2 {
+            let mut rig = stage.rig().unwrap();
+            rig.restore(&stage.instants[instant].rig);
+            rig.as_hardware = true;
+            let before = rig.period().unwrap();
+            assert!(before.enabled, "{name}");
+            fail(&mut rig);
+            let after = rig.period().unwrap();
+            assert_eq!((after.enabled, after.code), (false, Some(2048)), "{name}");
+        }
+    }
+    // 3.3 V less ten per cent is no failure.
+    let mut rig = stage.rig().unwrap();
+    rig.restore(&stage.instants[0].rig);
+    rig.board.bus_mut().power.set_supply(2.97);
+    assert!(rig.periods(10).unwrap().iter().all(|period| period.enabled));
+}
+
 /// A rig that was put back into a state it had been in goes on as it went on then, and so does another one.
 #[test]
 fn a_restored_rig_goes_on_as_the_first_one() {

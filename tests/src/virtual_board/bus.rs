@@ -108,6 +108,8 @@ impl Bus {
     /// The crystal stops; whether the processor has a clock still.
     pub fn fail_crystal(&mut self) -> bool {
         let watched = self.rcc.fail_crystal();
+        self.watchdog
+            .set_processor_hz(self.rcc.processor_hz(), self.now);
         if watched {
             self.nvic.pend_non_maskable();
         }
@@ -224,7 +226,7 @@ impl Bus {
         }
         let now = self.now;
         self.tick.set_ratio(self.rcc.cycles_per_timer_cycle());
-        self.watchdog.set_processor_hz(self.rcc.processor_hz());
+        self.watchdog.set_processor_hz(self.rcc.processor_hz(), now);
         match address {
             0xE000_E100..0xE000_E500 => self.nvic.write(address - 0xE000_E100, value)?,
             0xE000_ED18..0xE000_ED24 => {

@@ -29,8 +29,14 @@ impl Default for Watchdog {
 }
 
 impl Watchdog {
-    /// The bus tells the frequency of the processor, in whose cycles time is kept.
-    pub fn set_processor_hz(&mut self, hz: u64) {
+    /// The bus tells the frequency of the processor, in whose cycles time is kept. The time since it was fed
+    /// stays what it is.
+    pub fn set_processor_hz(&mut self, hz: u64, now: u64) {
+        if let Some(fed) = &mut self.fed
+            && hz != self.processor_hz
+        {
+            *fed = now.saturating_sub((now - *fed) * hz / self.processor_hz.max(1));
+        }
         self.processor_hz = hz;
     }
 
@@ -84,7 +90,7 @@ mod tests {
     #[test]
     fn expires_unless_fed() {
         let mut watchdog = Watchdog::default();
-        watchdog.set_processor_hz(32_000_000);
+        watchdog.set_processor_hz(32_000_000, 0);
         watchdog.write(0x08, 10, 0).unwrap();
         assert_eq!(watchdog.read(0x08, 0), Ok(0xFFF));
         watchdog.write(0x00, 0x5555, 0).unwrap();
