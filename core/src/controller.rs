@@ -108,6 +108,8 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             motion,
             holding_force,
             protection,
+            // The board's affair.
+            amplifier: _,
         } = settings;
         let force_constant = actuator.actual_force_constant();
         let (g_dist, g_reac, period) = (*disturbance_cutoff, *reaction_force_cutoff, *sample_time);

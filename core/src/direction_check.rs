@@ -167,7 +167,7 @@ impl DirectionCheck {
         }
         match memory.phase {
             Phase::Rest if rested => {
-                let noise = self.rest.beyond_noise(&rest);
+                let noise = rest.beyond_noise();
                 *memory = Memory {
                     noise,
                     ..next(Phase::Ramp, reading.place)

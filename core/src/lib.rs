@@ -51,6 +51,7 @@
 #![forbid(unsafe_code)]
 
 pub mod actuator;
+pub mod amplifier;
 mod check;
 pub mod controller;
 mod direction_check;

@@ -267,7 +267,7 @@ impl<const N: usize> Protection<N> {
         within::step(&self.limits, self.holding_force, period)?;
         let unexplained = period.estimate.disturbance.0 + period.estimate.innovation.0;
         let forces = [self.stall.motor(*current), unexplained];
-        self.stall.step(&mut memory.stall, reading, forces)?;
+        stall::Stall::step(&mut memory.stall, reading, forces)?;
         self.saturation.step(&mut memory.saturated, *current)?;
         travel::step(memory.travel, reading, &self.encoder)?;
         self.thermal.judge(period.heat)

@@ -52,6 +52,11 @@ impl Memory {
         }
     }
 
+    /// What cannot be the encoder's noise, as far as that is known, grains.
+    pub(crate) fn beyond_noise(&self) -> f32 {
+        SIGMAS * libm::sqrtf(0.5 * self.differences)
+    }
+
     /// It is there, and all else that is known of it is its noise.
     pub(crate) fn moved_to(self, place: Place) -> Self {
         Self {
@@ -88,11 +93,6 @@ impl Rest {
     /// What so many grains are, m.
     pub(crate) fn metres(&self, grains: f32) -> f32 {
         grains / self.per_metre
-    }
-
-    /// What cannot be the encoder's noise, as far as that is known, grains.
-    pub(crate) fn beyond_noise(&self, memory: &Memory) -> f32 {
-        SIGMAS * libm::sqrtf(0.5 * memory.differences)
     }
 
     /// One period: whether the actuator is at rest.

@@ -7,6 +7,7 @@
 //! a file (serde).
 
 use crate::actuator::Actuator;
+use crate::amplifier::Amplifier;
 use crate::check::{SettingsError, finite, positive};
 use crate::encoder::Encoder;
 use crate::limits::Limits;
@@ -25,6 +26,8 @@ pub struct Settings<const N: usize, O> {
     pub encoder: Encoder,
     /// The actuator as the force observers see it.
     pub actuator: Actuator,
+    /// The amplifier, which the firmware asks for current through a converter.
+    pub amplifier: Amplifier,
     /// Cutoff `g_dist` of the disturbance observer, rad/s.
     pub disturbance_cutoff: f32,
     /// Cutoff `g_reac` of the reaction-force observer, rad/s.
@@ -58,6 +61,7 @@ impl<const N: usize, O: StateObserver<N>> Settings<N, O> {
         positive("reaction_force_cutoff", self.reaction_force_cutoff)?;
         self.encoder.check()?;
         self.actuator.check()?;
+        self.amplifier.check()?;
         self.limits.check()?;
         self.motion.check()?;
         finite("holding_force", [&self.holding_force])?;

@@ -7,10 +7,8 @@ use arso_core::{Command, Counts, Current};
 pub struct Capabilities {
     /// Width of the encoder's counter.
     pub counter_bits: u32,
-    /// Step of the current output, A.
-    pub amperes_per_code: f32,
-    /// Largest current, A.
-    pub largest_current: f32,
+    /// How many codes the converter of the current output has.
+    pub converter_codes: u16,
     /// Shortest and longest control period, µs.
     pub periods: (u32, u32),
 }

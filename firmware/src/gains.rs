@@ -4,6 +4,7 @@
 
 use arso_core::Settings;
 use arso_core::actuator::Actuator;
+use arso_core::amplifier::Amplifier;
 use arso_core::encoder::Encoder;
 use arso_core::limits::Limits;
 use arso_core::moves::rigid::MotionLimits;
@@ -31,6 +32,7 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         mass_deviation: 0.0, // kg
         force_constant_deviation: 0.0, // N/A
     },
+    amplifier: Amplifier { step: 0.001, zero_code: 2048, inverted: false }, // A per code
     disturbance_cutoff: 628.0, // rad/s
     reaction_force_cutoff: 628.0, // rad/s
     observer: Anchored::new(LinearObserver::new(

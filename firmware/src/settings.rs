@@ -27,12 +27,12 @@ pub const fn require_fit(board: &Capabilities) {
         "counter_bits of the drive must be the width of the board's counter"
     );
     assert!(
-        GAINS.limits.current_resolution == board.amperes_per_code,
-        "current_resolution of the drive must be the step of the board's output"
+        GAINS.amplifier.step > 0.0 && GAINS.amplifier.step == GAINS.limits.current_resolution,
+        "current_resolution of the drive must be what one code of the converter means to the amplifier"
     );
     assert!(
-        GAINS.limits.current_limit <= board.largest_current,
-        "current_limit is beyond the board's output"
+        GAINS.limits.current_limit <= GAINS.amplifier.reach(board.converter_codes),
+        "current_limit is beyond what the converter's codes reach on both sides of zero_code"
     );
     let error = GAINS.sample_time * 1e6 - PERIOD_US as f32;
     // f32 holds the period to seven figures.

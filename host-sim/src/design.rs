@@ -151,6 +151,7 @@ impl Design {
             sample_time: drive.control.sample_time as f32,
             encoder: self.encoder(),
             actuator: self.actuator(),
+            amplifier: drive.actuator.amplifier(),
             disturbance_cutoff: drive.control.disturbance_cutoff as f32,
             reaction_force_cutoff: drive.control.reaction_force_cutoff as f32,
             observer: observer(self.coefficients()),

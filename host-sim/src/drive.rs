@@ -278,7 +278,7 @@ impl Drive {
                 table: "[[force]]",
             });
         }
-        let actuator = document.actuator(&raw.actuator)?;
+        let actuator = document.actuator(&raw.actuator, raw.amplifier.as_ref())?;
         let encoder = document.encoder(&raw.encoder)?;
         let loads = document.loads(&raw)?;
         let friction = document.friction(raw.friction.as_ref())?;
@@ -338,7 +338,7 @@ impl PlantFile {
     /// [`Error::Input`].
     pub fn parse(text: &str, name: &str) -> Result<Self> {
         let (document, raw) = Document::open(text, name)?;
-        let actuator = document.actuator(&raw.actuator)?;
+        let actuator = document.actuator(&raw.actuator, raw.amplifier.as_ref())?;
         let encoder = document.encoder(&raw.encoder)?;
         let loads = document.loads(&raw)?;
         let friction = document.friction(raw.friction.as_ref())?;

@@ -4,6 +4,7 @@ extern crate std;
 
 use super::*;
 use crate::actuator::Actuator;
+use crate::amplifier::Amplifier;
 use crate::moves::rigid::MotionLimits;
 use crate::observer::{Anchored, LinearObserver};
 use crate::protection::{ProtectionLimits, Travel};
@@ -26,6 +27,11 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
             force_constant: 6.43,
             mass_deviation: 0.0,
             force_constant_deviation: 0.0,
+        },
+        amplifier: Amplifier {
+            step: 1e-3,
+            zero_code: 2048,
+            inverted: false,
         },
         disturbance_cutoff: 628.0,
         reaction_force_cutoff: 628.0,
@@ -831,6 +837,8 @@ fn a_holding_force_carries_the_machine() {
     assert!((record.reaction_force - 1.0).abs() < 0.1, "{record:?}");
 }
 
+type Change<'a> = &'a dyn Fn(&mut Parts<1, Anchored<1, 5>>);
+
 /// Any bit of any number of the gains that flips is found within as many periods as there are parts.
 #[test]
 fn changed_settings_are_found() {
@@ -846,7 +854,7 @@ fn changed_settings_are_found() {
         } = &settings;
         Protection::new(protection, (actuator, encoder, limits), (0.116, 0.0), 1e-3)
     };
-    let changes: [&dyn Fn(&mut Parts<1, Anchored<1, 5>>); 15] = [
+    let changes: [Change<'_>; 15] = [
         &|parts| parts.protection = protection(|settings| settings.protection.velocity = 1.0),
         &|parts| parts.protection = protection(|settings| settings.protection.encoder_step = 2.0),
         &|parts| parts.protection = protection(|settings| settings.protection.stiction = 2.0),

@@ -90,7 +90,6 @@ impl Stall {
 
     /// * `forces`: the motor's, and what the model does not explain, N
     pub(super) fn step(
-        self,
         memory: &mut Memory,
         reading: &Reading,
         forces: [f32; 2],

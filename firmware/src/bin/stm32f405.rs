@@ -23,7 +23,7 @@ mod board;
 mod app {
     use crate::board::{self, Stm32f405};
     use arso_firmware::drive::{self, Control, Idle, Queues};
-    use arso_firmware::settings::PERIOD_US;
+    use arso_firmware::settings::{GAINS, PERIOD_US};
 
     #[shared]
     struct Shared {}
@@ -36,7 +36,7 @@ mod app {
 
     #[init(local = [queues: Queues = Queues::new()])]
     fn init(cx: init::Context) -> (Shared, Local) {
-        let hardware = board::start(cx.device, cx.core, PERIOD_US);
+        let hardware = board::start(cx.device, cx.core, PERIOD_US, GAINS.amplifier);
         let Ok((control, idle)) = drive::new(hardware, cx.local.queues) else {
             defmt::error!("the gains of this firmware cannot be run");
             board::stop();

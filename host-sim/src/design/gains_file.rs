@@ -61,6 +61,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          \n\
          use arso_core::Settings;\n\
          use arso_core::actuator::Actuator;\n\
+         use arso_core::amplifier::Amplifier;\n\
          use arso_core::encoder::Encoder;\n\
          use arso_core::limits::Limits;\n\
          use arso_core::moves::rigid::MotionLimits;\n\
@@ -88,6 +89,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          {I}{I}mass_deviation: {:?}, // {mass}\n\
          {I}{I}force_constant_deviation: {:?}, // {force_constant}\n\
          {I}}},\n\
+         {I}amplifier: {:?}, // A per code\n\
          {I}disturbance_cutoff: {:?}, // rad/s\n\
          {I}reaction_force_cutoff: {:?}, // rad/s\n\
          {I}observer: {name}::new(LinearObserver::new(\n\
@@ -99,6 +101,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         actuator.force_constant,
         actuator.mass_deviation,
         actuator.force_constant_deviation,
+        settings.amplifier,
         settings.disturbance_cutoff,
         settings.reaction_force_cutoff,
     );

@@ -2,13 +2,22 @@
 
 use super::MAX_LOADS;
 use super::document::{Document, LARGEST, SMALLEST};
-use super::schema::{Number, RawActuator, RawEncoder, RawFile, RawForce, RawFriction};
+use super::schema::{
+    Number, RawActuator, RawAmplifier, RawEncoder, RawFile, RawForce, RawFriction,
+};
 use crate::error::Result;
 use crate::machine::{Actuator, Encoder, ExternalForce, Friction, Load};
 use toml::Spanned;
 
+/// The middle of twelve bits.
+const MIDDLE: u16 = 2048;
+
 impl Document<'_> {
-    pub(super) fn actuator(&self, raw: &RawActuator) -> Result<Actuator> {
+    pub(super) fn actuator(
+        &self,
+        raw: &RawActuator,
+        amplifier: Option<&RawAmplifier>,
+    ) -> Result<Actuator> {
         let units = self.units();
         let mass = self.positive("actuator.mass", &raw.mass, units.mass)?;
         let force_constant = self.positive(
@@ -36,7 +45,22 @@ impl Document<'_> {
                 self.checked("actuator.holding_force", value, ok, &allowed)?
             }
         };
+        let zero_code = match amplifier.and_then(|amplifier| amplifier.zero_code.as_ref()) {
+            None => MIDDLE,
+            Some(code) => u16::try_from(*code.get_ref()).map_err(|_| {
+                let message = format!(
+                    "amplifier.zero_code = {}: must be a code of the converter, 0 to {}",
+                    code.get_ref(),
+                    u16::MAX
+                );
+                self.error(Some(code.span()), message)
+            })?,
+        };
         Ok(Actuator {
+            zero_code,
+            inverted: amplifier
+                .and_then(|amplifier| amplifier.inverted)
+                .unwrap_or(false),
             holding_force,
             brake: raw.brake.unwrap_or(false),
             mass_deviation: self.deviation(

@@ -15,6 +15,8 @@ pub(super) struct RawFile {
     pub(super) kind: Option<Spanned<String>>,
     /// The actuator.
     pub(super) actuator: RawActuator,
+    /// How the amplifier reads the board's converter.
+    pub(super) amplifier: Option<RawAmplifier>,
     /// The encoder on the actuator.
     pub(super) encoder: RawEncoder,
     /// One table per load mass, from the actuator outwards, 1 to 6.
@@ -72,6 +74,17 @@ pub(super) struct RawActuator {
     /// N/A: identified minus nominal force constant, Delta `k_f` of (18).
     #[schemars(with = "Option<f64>")]
     pub(super) force_constant_deviation: Option<Number>,
+}
+
+/// How the amplifier reads the board's converter.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawAmplifier {
+    /// Code of the converter at no current; 2048, the middle of twelve bits, when absent.
+    #[schemars(with = "Option<i64>")]
+    pub(super) zero_code: Option<Spanned<i64>>,
+    /// Whether a higher code is less current; false when absent.
+    pub(super) inverted: Option<bool>,
 }
 
 /// What is measured.

@@ -1,5 +1,7 @@
 //! The actuator: its mass, its force constant and what its amplifier can do.
 
+use arso_core::amplifier::Amplifier;
+
 /// Actuator and its amplifier.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuator {
@@ -15,6 +17,10 @@ pub struct Actuator {
     pub current_limit: f64,
     /// Step of the current output, A; zero for a continuous one.
     pub current_resolution: f64,
+    /// Code of the converter at no current.
+    pub zero_code: u16,
+    /// Whether a higher code is less current.
+    pub inverted: bool,
     /// Force by which the motor holds the machine where it stands, against gravity, N.
     pub holding_force: f64,
     /// Whether a brake holds the actuator while the amplifier is off.
@@ -22,6 +28,16 @@ pub struct Actuator {
 }
 
 impl Actuator {
+    /// The amplifier as the core and the board take it.
+    #[must_use]
+    pub fn amplifier(&self) -> Amplifier {
+        Amplifier {
+            step: self.current_resolution as f32,
+            zero_code: self.zero_code,
+            inverted: self.inverted,
+        }
+    }
+
     /// `m_an + Δm`, kg.
     #[must_use]
     pub fn actual_mass(&self) -> f64 {

@@ -14,7 +14,7 @@ pub mod encoder_line;
 pub mod interrupt_line;
 pub mod log_host;
 
-pub use amplifier::{Amplifier, AmplifierFault};
+pub use amplifier::{Amplifier, AmplifierFault, Scale};
 pub use encoder_line::{EncoderFault, EncoderLine};
 pub use interrupt_line::{InterruptFault, InterruptLine};
 pub use log_host::LogHost;

@@ -9,7 +9,7 @@ pub use snapshot::Snapshot;
 
 use super::cpu::{Board, Stop};
 use super::harm::interrupt_line::Arrival;
-use super::harm::{Amplifier, EncoderLine, InterruptLine, LogHost};
+use super::harm::{Amplifier, EncoderLine, InterruptLine, LogHost, Scale};
 use super::image::Image;
 use super::rtt::Rtt;
 use host_sim::drive::{Drive, PlantFile};
@@ -150,7 +150,7 @@ impl Rig {
             as_hardware: false,
             log: Vec::new(),
             encoder: EncoderLine::default(),
-            amplifier: Amplifier::default(),
+            amplifier: Amplifier::new(Scale::from(&drive.actuator)),
             interrupts: InterruptLine::default(),
             log_host: LogHost::default(),
             plant_step: drive.control.sample_time,

@@ -26,6 +26,7 @@ mod watchdog;
 
 pub(crate) use safe_stop::stop;
 
+use arso_core::amplifier::Amplifier;
 use arso_firmware::board::{Board, Capabilities, Hardware};
 use stm32f4xx_hal::pac;
 use stm32f4xx_hal::prelude::*;
@@ -40,8 +41,7 @@ pub(crate) struct Stm32f405;
 impl Board for Stm32f405 {
     const CAPABILITIES: Capabilities = Capabilities {
         counter_bits: encoder::COUNTER_BITS,
-        amperes_per_code: current_output::AMPERES_PER_CODE,
-        largest_current: current_output::LARGEST_CURRENT,
+        converter_codes: current_output::CODES,
         periods: control_timer::PERIODS_US,
     };
     type Timer = control_timer::ControlTimer;
@@ -62,10 +62,12 @@ impl Board for Stm32f405 {
 /// are enabled.
 ///
 /// * `period_us`: of the control, µs
+/// * `amplifier`: what a code of the converter means
 pub(crate) fn start(
     device: pac::Peripherals,
     core: cortex_m::Peripherals,
     period_us: u32,
+    amplifier: Amplifier,
 ) -> Hardware<Stm32f405> {
     rtt::start();
     let mut rcc = device
@@ -80,6 +82,7 @@ pub(crate) fn start(
             device.DAC,
             port_a.pa4,
             port_b.pb12.into_push_pull_output(),
+            amplifier,
             &mut rcc,
         ),
         encoder: encoder::QuadratureEncoder::new(device.TIM3, port_c.pc6, port_c.pc7, &mut rcc),

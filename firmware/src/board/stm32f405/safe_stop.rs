@@ -3,7 +3,7 @@
 //! The amplifier is switched off first, by registers alone, whatever state the program is in;
 //! then nothing more is done until the watchdog resets the processor, which comes up idle.
 
-use super::current_output::DacCode;
+use super::current_output::zero_code;
 use core::sync::atomic::{Ordering, compiler_fence};
 use cortex_m_rt::{ExceptionFrame, exception};
 use stm32f4xx_hal::pac;
@@ -17,7 +17,7 @@ pub(crate) fn stop() -> ! {
         (*pac::GPIOB::ptr()).bsrr().write(|w| w.br12().set_bit());
         (*pac::DAC::ptr())
             .dhr12r1()
-            .write(|w| w.bits(DacCode::ZERO.bits().into()));
+            .write(|w| w.bits(zero_code().into()));
     }
     loop {
         compiler_fence(Ordering::SeqCst);

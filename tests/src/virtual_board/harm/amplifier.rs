@@ -1,11 +1,30 @@
 //! The amplifier: converter code and enable line to motor current.
 
+use host_sim::machine::Actuator;
 use std::collections::VecDeque;
 
-/// Code of zero current, and amperes per code: to the last bit what the drive takes it for, so that a
+/// How it reads the converter, by the drive file: to the last bit what the drive takes it for, so that a
 /// difference to the simulation is a difference in the drive.
-const ZERO_CODE: f32 = 2048.0;
-const AMPERES_PER_CODE: f32 = 1e-3;
+#[derive(Clone, Copy, Debug)]
+pub struct Scale {
+    /// A per code; negative where a higher code is less current.
+    pub step: f32,
+    /// Code of no current.
+    pub zero_code: f32,
+}
+
+impl From<&Actuator> for Scale {
+    fn from(actuator: &Actuator) -> Self {
+        let step = actuator.current_resolution as f32;
+        Self {
+            step: if actuator.inverted { -step } else { step },
+            zero_code: actuator.zero_code.into(),
+        }
+    }
+}
+
+/// Half of the converter's range.
+const MIDDLE: f32 = 2048.0;
 
 /// What the amplifier, or the wire to it, makes of its reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,8 +54,9 @@ pub enum AmplifierFault {
 }
 
 /// An amplifier that may be broken.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Amplifier {
+    scale: Scale,
     fault: AmplifierFault,
     /// What flowed last, A.
     current: f64,
@@ -45,6 +65,17 @@ pub struct Amplifier {
 }
 
 impl Amplifier {
+    /// One in order.
+    #[must_use]
+    pub fn new(scale: Scale) -> Self {
+        Self {
+            scale,
+            fault: AmplifierFault::None,
+            current: 0.0,
+            asked: VecDeque::new(),
+        }
+    }
+
     /// Breaks it.
     pub fn fail(&mut self, fault: AmplifierFault) {
         if let AmplifierFault::Late(steps) = fault {
@@ -66,8 +97,8 @@ impl Amplifier {
             }
             (_, code) => code,
         };
-        let steps = code.map_or(ZERO_CODE, f32::from) - ZERO_CODE;
-        let asked = f64::from(steps * AMPERES_PER_CODE);
+        let Scale { step, zero_code } = self.scale;
+        let asked = f64::from((code.map_or(MIDDLE, f32::from) - zero_code) * step);
         let made = match self.fault {
             AmplifierFault::Gain(gain) => gain * asked,
             AmplifierFault::Stuck(current) => current,
@@ -118,7 +149,10 @@ mod tests {
             ),
         ] {
             for (enable, expected) in [(true, enabled), (false, disabled)] {
-                let mut amplifier = Amplifier::default();
+                let mut amplifier = Amplifier::new(Scale {
+                    step: 1e-3,
+                    zero_code: 2048.0,
+                });
                 assert_eq!(amplifier.step(Some(2048 + 250), true), 0.25);
                 amplifier.fail(fault);
                 let found = amplifier.step(Some(2048 + 500), enable);
