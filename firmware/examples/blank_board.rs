@@ -18,8 +18,7 @@ struct Blank;
 impl Board for Blank {
     const CAPABILITIES: Capabilities = Capabilities {
         counter_bits: 16,
-        amperes_per_code: 1e-3,
-        largest_current: 10.0,
+        converter_codes: 4096,
         periods: (1, 1_000_000),
     };
     type Timer = Self;

@@ -17,6 +17,11 @@ const _: () = assert!(
     "excitation and gains are made for different control periods"
 );
 
+const _: () = assert!(
+    GAINS.amplifier.step > 0.0 && GAINS.amplifier.step == GAINS.limits.current_resolution,
+    "current_resolution of the drive must be what one code of the converter means to the amplifier"
+);
+
 /// Holds the settings against what a board can do, at compile time.
 ///
 /// # Panics
@@ -25,10 +30,6 @@ pub const fn require_fit(board: &Capabilities) {
     assert!(
         GAINS.encoder.counter_bits == board.counter_bits,
         "counter_bits of the drive must be the width of the board's counter"
-    );
-    assert!(
-        GAINS.amplifier.step > 0.0 && GAINS.amplifier.step == GAINS.limits.current_resolution,
-        "current_resolution of the drive must be what one code of the converter means to the amplifier"
     );
     assert!(
         GAINS.limits.current_limit <= GAINS.amplifier.reach(board.converter_codes),
