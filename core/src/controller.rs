@@ -28,7 +28,9 @@ use crate::rest::Rest;
 use crate::settings::Settings;
 use crate::telemetry::Telemetry;
 use crate::units::{Counts, Current, Force, Place, Position};
-use activity::{Activity, Commissioning, Exciting, Loop, Running, Start, Stopping};
+use activity::{
+    Activity, Commissioning, ExcitationStart, Exciting, Loop, Running, Start, Stopping,
+};
 
 /// What the drive measures once per period.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -223,7 +225,7 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
         let telemetry = &mut self.telemetry;
         telemetry.period = telemetry.period.wrapping_add(1);
         telemetry.count = measurement.count.0;
-        telemetry.position = parts.encoder.distance(Place(0), reading.place).0;
+        telemetry.position = parts.encoder.position(reading.place).0;
         telemetry.position_set = self.encoder.is_set();
 
         if !parts.same(&self.copy, telemetry.period) {
@@ -366,15 +368,18 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
     /// Excitation: from rest, as commissioning; then open loop from the first period to the last, within
     /// the travel allowed.
     fn excite(&self, memory: &mut Exciting, reading: &Reading) -> Outcome {
-        if let Some(rest) = &mut memory.rest {
-            if self.direction_check.step(rest, reading)? == Action::Wait {
-                return Ok(Some(Command::default()));
+        let start = match &mut memory.start {
+            ExcitationStart::At(start) => *start,
+            ExcitationStart::WaitingForRest(rest) => {
+                if self.direction_check.step(rest, reading)? == Action::Wait {
+                    return Ok(Some(Command::default()));
+                }
+                memory.start = ExcitationStart::At(reading.place);
+                reading.place
             }
-            memory.rest = None;
-        }
+        };
         let least_motion = self.direction_check.least_motion();
         let excitation = &memory.excitation;
-        let start = *memory.start.get_or_insert(reading.place);
         let position = self.encoder.distance(start, reading.place);
         let played = excitation.step(&mut memory.played, position, least_motion);
         let value = position.0;
@@ -446,7 +451,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         let feedback = self.regulator.step(&estimate, &reference);
         let compensation = estimate.disturbance.0 * self.current_per_force;
 
-        let target = self.encoder.distance(Place(0), memory.target).0;
+        let target = self.encoder.position(memory.target).0;
         telemetry.reference = target + reference.position.0;
         telemetry.velocity = estimate.velocity.0;
         telemetry.disturbance = disturbance.force.0;
@@ -460,6 +465,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
         let period = Period {
             reading,
             position,
+            from_zero: Position(telemetry.position),
             current,
             heat,
             reaction_force,

@@ -151,25 +151,23 @@ impl DirectionCheck {
         } else {
             self.rest.within(&mut memory.rest, reading, PROOF)
         };
-        let (rest, breakaway) = (memory.rest, memory.breakaway);
-        let next = |phase, origin| Memory {
-            phase,
-            origin: Some(origin),
-            rest: rest.moved_to(reading.place),
-            breakaway,
-            ..Memory::default()
-        };
-
         let rising = self.largest_current * time / RAMP_TIME;
         if memory.phase == Phase::Ramp && memory.breakaway.is_none() {
             let seen = SEEN.max(memory.noise);
             memory.breakaway = (moved.abs() >= seen).then_some((rising, seen));
         }
+        let before = *memory;
+        let next = |phase, origin| Memory {
+            phase,
+            periods: 0,
+            origin: Some(origin),
+            rest: before.rest.moved_to(reading.place),
+            ..before
+        };
         match memory.phase {
             Phase::Rest if rested => {
-                let noise = rest.beyond_noise();
                 *memory = Memory {
-                    noise,
+                    noise: before.rest.beyond_noise(),
                     ..next(Phase::Ramp, reading.place)
                 };
                 Ok(Action::Push(Current(0.0)))
@@ -187,11 +185,7 @@ impl DirectionCheck {
                     current: rising,
                     farthest: moved.abs(),
                 };
-                let noise = memory.noise;
-                *memory = Memory {
-                    noise,
-                    ..next(Phase::Return(turn), origin)
-                };
+                *memory = next(Phase::Return(turn), origin);
                 Ok(Action::Push(self.turning(&turn, 0.0)))
             }
             Phase::Ramp if time > RAMP_TIME => Err(Fault::NoMotion),

@@ -101,6 +101,12 @@ impl Encoder {
         Position(counts * self.resolution)
     }
 
+    /// Position from zero; `f32`, and so to 1 part in 2²⁴ of that distance.
+    #[must_use]
+    pub fn position(&self, place: Place) -> Position {
+        self.distance(Place(0), place)
+    }
+
     /// The place nearest to a position from zero; what is no number is zero.
     #[must_use]
     pub fn place(&self, position: Position) -> Place {

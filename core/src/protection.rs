@@ -129,6 +129,8 @@ pub(crate) struct Period<'a, const N: usize> {
     pub(crate) reading: &'a Reading,
     /// Position relative to the target.
     pub(crate) position: Position,
+    /// The same from zero.
+    pub(crate) from_zero: Position,
     /// Applied over the period that ends now.
     pub(crate) current: Current,
     pub(crate) heat: Heat,
@@ -146,7 +148,6 @@ pub(crate) struct Protection<const N: usize> {
     stall: stall::Stall,
     saturation: saturation::Saturation,
     thermal: thermal::Thermal,
-    encoder: Encoder,
     /// What the motor carries, N, and the current that it needs for it, A.
     holding_force: f32,
     holding_current: f32,
@@ -198,7 +199,6 @@ impl<const N: usize> Protection<N> {
                 protection.thermal_time,
                 sample_time,
             ),
-            encoder: *encoder,
             holding_force,
             holding_current: holding_force / actuator.actual_force_constant(),
         }
@@ -227,9 +227,8 @@ impl<const N: usize> Protection<N> {
             }
             2 => (self.stall, self.saturation) == (copy.stall, copy.saturation),
             _ => {
-                (self.thermal, self.encoder) == (copy.thermal, copy.encoder)
-                    && (self.holding_force, self.holding_current)
-                        == (copy.holding_force, copy.holding_current)
+                (self.thermal, self.holding_force, self.holding_current)
+                    == (copy.thermal, copy.holding_force, copy.holding_current)
             }
         }
     }
@@ -269,7 +268,7 @@ impl<const N: usize> Protection<N> {
         let forces = [self.stall.motor(*current), unexplained];
         stall::Stall::step(&mut memory.stall, reading, forces)?;
         self.saturation.step(&mut memory.saturated, *current)?;
-        travel::step(memory.travel, reading, &self.encoder)?;
+        travel::step(memory.travel, reading.place, period.from_zero)?;
         self.thermal.judge(period.heat)
     }
 }

@@ -121,8 +121,8 @@ impl<B: Board> Control<B> {
                 let _ = self.refusals.enqueue(refusal);
             }
         } else {
-            // What was asked before is void but for where zero is, and no idle loop, queue or log stands between the switch and
-            // the amplifier.
+            // What was asked before is void but for where zero is, and no idle loop, queue or log stands
+            // between the switch and the amplifier.
             let _ = self.controller.request(Request::Stop);
             while let Some(request) = self.requests.dequeue() {
                 // It moves nothing.

@@ -64,7 +64,7 @@ impl Log {
                 .saturating_add(record.period.wrapping_sub(expected));
         }
         self.expected = Some(record.period.wrapping_add(1));
-        // Nothing is estimated while it is open.
+        // Nothing is estimated while the loop is open.
         if record.mode.closed_loop() {
             self.vibration.update(record);
         }

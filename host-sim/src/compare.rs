@@ -128,7 +128,7 @@ pub fn cases(design: &Design) -> Vec<Case> {
     let coulomb = if own > 0.0 {
         own
     } else {
-        FRICTION * actuator.actual_force_constant() * actuator.current_limit
+        FRICTION * actuator.largest_force()
     };
     let unit = design.drive.kind.units().force;
     case("nominal", 0, true, &|_| ());
@@ -228,7 +228,7 @@ pub fn compare(design: &Design, progress: &Progress<'_>) -> Result<Vec<Row>> {
 
     progress(rows.len(), LAWS, "encoder filter");
     let actuator = &design.drive.actuator;
-    let force = actuator.actual_force_constant() * actuator.current_limit;
+    let force = actuator.largest_force();
     let settings = |point: &[f64]| EncoderSettings {
         load_force: force * point[0].exp(),
         disturbance: force * point[1].exp(),

@@ -5,7 +5,7 @@
 use arso_core::{Counts, Current, Fault, Measurement, Mode, Request};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
-use host_sim::machine::{ExternalForce, Friction};
+use host_sim::machine::ExternalForce;
 use host_sim::simulate::corridor::corridor;
 use host_sim::simulate::plant::Plant;
 use rand::SeedableRng;
@@ -72,18 +72,17 @@ fn default_plant(change: impl FnOnce(&mut PlantFile)) -> PlantFile {
     plant
 }
 
+fn default_with_friction(coulomb: f64) -> PlantFile {
+    default_plant(|plant| plant.friction.coulomb = coulomb)
+}
+
 /// 1.5 counts rms, without friction, with a little and with some.
 #[test]
 fn encoder_noise_is_no_motion() {
     let drive = Drive::default_drive();
     for coulomb in [0.0, 0.02, 0.2] {
         for seed in 0..20 {
-            let plant = default_plant(|plant| {
-                plant.friction = Friction {
-                    coulomb,
-                    viscous: 0.0,
-                };
-            });
+            let plant = default_with_friction(coulomb);
             let hidden = Hidden {
                 noise: 1.5,
                 seed,
@@ -123,12 +122,7 @@ fn cogging_is_carried() {
             if coulomb == 0.0 && eighth != 0 {
                 continue;
             }
-            let plant = default_plant(|plant| {
-                plant.friction = Friction {
-                    coulomb,
-                    viscous: 0.0,
-                };
-            });
+            let plant = default_with_friction(coulomb);
             let hidden = Hidden {
                 noise: 0.5,
                 cogging: (0.1, angle),

@@ -92,10 +92,7 @@ impl Commissioning {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Exciting {
     pub(super) excitation: Excitation,
-    /// The wait for rest, until it is over.
-    pub(super) rest: Option<direction_check::Memory>,
-    /// Where it began.
-    pub(super) start: Option<Place>,
+    pub(super) start: ExcitationStart,
     pub(super) played: excitation::Memory,
 }
 
@@ -103,11 +100,18 @@ impl Exciting {
     pub(super) fn new(excitation: Excitation) -> Self {
         Self {
             excitation,
-            rest: Some(direction_check::Memory::default()),
-            start: None,
+            start: ExcitationStart::WaitingForRest(direction_check::Memory::default()),
             played: excitation::Memory::default(),
         }
     }
+}
+
+/// How far the start of an excitation has come.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum ExcitationStart {
+    WaitingForRest(direction_check::Memory),
+    /// It is played from there.
+    At(Place),
 }
 
 /// Memory of a running drive.

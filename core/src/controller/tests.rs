@@ -194,7 +194,7 @@ fn faults_stop_in_the_same_period_and_stay() {
 }
 
 #[test]
-fn targets_that_are_not_finite_are_faults() {
+fn targets_out_of_reach_are_faults() {
     for request in [
         Request::Move(Place(i64::MIN)),
         Request::Move(Place(i64::MAX)),

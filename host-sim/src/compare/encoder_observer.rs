@@ -11,7 +11,7 @@ use crate::linear::zoh::zero_order_hold;
 use crate::simulate::{Control, ControlOutput};
 use arso_core::encoder::{self, Encoder};
 use arso_core::limits::Limits;
-use arso_core::{Counts, Current, Place};
+use arso_core::{Counts, Current};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
 /// Densities of the noise the filter is made for.
@@ -78,7 +78,7 @@ impl EncoderObserver {
 impl Control for EncoderObserver {
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let reading = self.encoder.0.step(&mut self.encoder.1, Counts(count));
-        let position = self.encoder.0.distance(Place(0), reading.place);
+        let position = self.encoder.0.position(reading.place);
         let predicted = &self.transition * &self.state + &self.input * applied;
         let innovation = f64::from(position.0) - predicted[0];
         self.state = predicted + &self.correction * innovation;

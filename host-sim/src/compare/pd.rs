@@ -17,7 +17,7 @@ use crate::simulate::{Control, ControlOutput};
 use arso_core::disturbance::{self, DisturbanceObserver};
 use arso_core::encoder::{self, Encoder};
 use arso_core::limits::Limits;
-use arso_core::{Counts, Current, Place};
+use arso_core::{Counts, Current};
 use nalgebra::DVector;
 
 /// Gains and reference of a PD law.
@@ -134,7 +134,7 @@ impl Control for Pd {
         // The first sample already sees the first part of the ramp, as a step is seen.
         self.samples += 1;
         let (position, velocity) = self.reference(f64::from(self.samples) * self.period);
-        let measured = self.encoder.0.distance(Place(0), reading.place);
+        let measured = self.encoder.0.position(reading.place);
         let command = self.settings.position_gain * (position - f64::from(measured.0))
             + self.settings.velocity_gain * (velocity - f64::from(seen.velocity.0));
         let limited = self

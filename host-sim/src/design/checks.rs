@@ -22,7 +22,6 @@ use friction::friction_share;
 use nalgebra::{DMatrix, DVector, RowDVector};
 use observer::{observer_samples, observer_speed};
 use serde::Serialize;
-
 use start_up::{holding_share, unheld_force};
 
 pub use encoder::quarter_of_range;

@@ -38,6 +38,12 @@ impl Actuator {
         }
     }
 
+    /// Force at the current limit, N.
+    #[must_use]
+    pub fn largest_force(&self) -> f64 {
+        self.actual_force_constant() * self.current_limit
+    }
+
     /// `m_an + Δm`, kg.
     #[must_use]
     pub fn actual_mass(&self) -> f64 {

@@ -142,23 +142,22 @@ impl Plant {
     pub fn advance(&mut self, current: f64) -> Result<()> {
         let current = current.clamp(-self.current_limit, self.current_limit);
         let motor = current * self.chain.force_constant;
-        let before = self.state()[0];
-        let held = match &mut self.braked {
-            Some(braked) if !self.enabled => {
-                braked.state_mut().copy_from(self.motion.state());
-                std::mem::swap(&mut self.motion, braked);
-                true
-            }
-            _ => false,
-        };
+        let held = self.braked.is_some() && !self.enabled;
         let begin = self.parts as f64 * self.part;
         let end = begin + f64::from(PARTS) * self.part;
         let acts = |force: &ExternalForce| {
             force.newton != 0.0 && force.start < end && begin < force.start + force.duration
         };
+        let motion = match &mut self.braked {
+            Some(braked) if held => {
+                braked.state_mut().copy_from(self.motion.state());
+                braked
+            }
+            _ => &mut self.motion,
+        };
         if held || self.forces.iter().any(|(force, _)| acts(force)) {
             let (forces, parts, length) = (&self.forces, self.parts, self.part);
-            self.motion.in_parts(motor, |part, state| {
+            motion.in_parts(motor, |part, state| {
                 let begin = (parts + u64::from(part)) as f64 * length;
                 for (force, response) in forces {
                     // The mean over the part, so that no force loses its momentum.
@@ -170,16 +169,15 @@ impl Plant {
                 }
             });
         } else {
-            self.motion.advance(motor);
+            motion.advance(motor);
         }
         self.parts += u64::from(PARTS);
-        if let (true, Some(braked)) = (held, &mut self.braked) {
-            std::mem::swap(&mut self.motion, braked);
+        if let Some(braked) = self.braked.as_ref().filter(|_| held) {
             let state = self.motion.state_mut();
-            state.copy_from(braked.state());
             // The brake holds to the last digit.
-            state[0] = before;
-            state[1] = 0.0;
+            let actuator = [state[0], 0.0];
+            state.copy_from(braked.state());
+            [state[0], state[1]] = actuator;
         }
         if self.state().iter().all(|x| x.is_finite()) {
             Ok(())

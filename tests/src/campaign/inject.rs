@@ -41,7 +41,7 @@ pub fn begin(fault: Fault, rig: &mut Rig, stage: &Stage, seed: u64) -> Option<u3
         } => {
             let mut plant = stage.machine();
             let actuator = &plant.actuator;
-            let newton = share * actuator.current_limit * actuator.actual_force_constant();
+            let newton = share * actuator.largest_force();
             plant.forces.push(ExternalForce {
                 mass: if last_load { plant.loads.len() } else { 0 },
                 start: 0.0,

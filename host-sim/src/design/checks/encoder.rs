@@ -11,7 +11,7 @@ use nalgebra::DVector;
 pub(super) fn encoder_noise(design: &Design) -> Check {
     let noise = force_noise(design);
     let actuator = &design.drive.actuator;
-    let limit = 0.02 * actuator.actual_force_constant() * actuator.current_limit;
+    let limit = 0.02 * actuator.largest_force();
     Check::new(
         "encoder_force_noise",
         // The smaller the better.

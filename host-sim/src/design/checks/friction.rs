@@ -11,7 +11,7 @@ const MUCH: f64 = 1.0 / 3.0;
 /// Coulomb friction over the motor's force.
 pub(super) fn friction_share(design: &Design) -> Check {
     let actuator = &design.drive.actuator;
-    let force = actuator.actual_force_constant() * actuator.current_limit;
+    let force = actuator.largest_force();
     let value = design.drive.friction.coulomb / force;
     let verdict = if value >= START_UP {
         Verdict::Refuse

@@ -9,7 +9,7 @@ const CARRIED: f64 = 0.5;
 /// What the motor carries, over its force.
 pub(super) fn holding_share(design: &Design) -> Check {
     let actuator = &design.drive.actuator;
-    let force = actuator.actual_force_constant() * actuator.current_limit;
+    let force = actuator.largest_force();
     let value = actuator.holding_force.abs() / force;
     let verdict = if value <= CARRIED {
         Verdict::Pass
