@@ -299,7 +299,7 @@ impl Drive {
             .map(|limits| document.move_limits(limits))
             .transpose()?;
         let protection = raw.protection.as_ref();
-        let protection = document.protection(protection)?;
+        let protection = document.protection(protection, encoder.resolution)?;
         Ok(Self {
             kind: document.kind(),
             actuator,

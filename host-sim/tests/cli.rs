@@ -211,6 +211,41 @@ fn bad_drives_get_one_sentence_that_says_where() {
         ),
         ("mass = 0.059 ", "maas = 0.059 ", ":5: unknown field `maas`"),
         (
+            "[actuator]",
+            "[actuator]\nholding_force = nan",
+            ":5: actuator.holding_force = NaN: must be within 1e9 N",
+        ),
+        (
+            "[actuator]",
+            "[actuator]\nbrake = 1",
+            ":5: invalid type: integer `1`, expected a boolean",
+        ),
+        (
+            "[actuator]",
+            "[amplifier]\nzero_code = -1\n[actuator]",
+            ":5: amplifier.zero_code = -1: must be a code of the converter, 0 to 65535",
+        ),
+        (
+            "[actuator]",
+            "[amplifier]\nstep = 1e-3\n[actuator]",
+            ":5: unknown field `step`, expected `zero_code` or `inverted`",
+        ),
+        (
+            "[actuator]",
+            "[protection]\ntravel = [0.02, -0.01]\n[actuator]",
+            ":5: protection.travel = [0.02, -0.01]: must be two numbers, the lower end first",
+        ),
+        (
+            "[actuator]",
+            "[protection]\ntravel = [0.0]\n[actuator]",
+            ":5: protection.travel = [0.0]: must be two numbers",
+        ),
+        (
+            "[actuator]",
+            "[protection]\ntravel = [0.0, 1e-9]\n[actuator]",
+            "three counts of 1e-6 m apart at least",
+        ),
+        (
             "mass = 0.059 ",
             "mass = 0,059 ",
             ":5: a number has a decimal point, not a comma",
@@ -461,6 +496,38 @@ fn a_refused_design_is_not_written() {
     );
     assert!(error.contains("encoder_force_noise refuses it"), "{error}");
     assert!(!gains.exists());
+}
+
+/// What hangs is refused where nothing holds it or the motor cannot carry it, and a target beyond the travel is
+/// not gone to.
+#[test]
+fn what_hangs_and_what_is_out_of_reach_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("drive.toml");
+    for (command, added, expected) in [
+        ("design", "holding_force = 1.0", "unheld_force refuses it"),
+        (
+            "design",
+            "holding_force = 7.0\nbrake = true",
+            "holding_share refuses it",
+        ),
+        ("design", "holding_force = 1.0\nbrake = true", ""),
+        (
+            "simulate",
+            "[protection]\ntravel = [-0.01, 0.02]",
+            "step: the target is outside the travel",
+        ),
+    ] {
+        let text = if added.starts_with('[') {
+            format!("{DRIVE}\n{added}\n")
+        } else {
+            DRIVE.replace("[actuator]", &format!("[actuator]\n{added}"))
+        };
+        fs::write(&path, text).unwrap();
+        let (code, _, error) = run(&[command, path.to_str().unwrap()]);
+        assert_eq!(code, i32::from(!expected.is_empty()), "{added}: {error}");
+        assert!(error.contains(expected), "{added}: {error}");
+    }
 }
 
 /// The printed gains: a table for people, a grid for machines.

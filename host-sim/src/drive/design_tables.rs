@@ -169,7 +169,13 @@ impl Document<'_> {
     }
 
     /// Limits of a running drive, as far as they are stated.
-    pub(super) fn protection(&self, raw: Option<&RawProtection>) -> Result<StatedProtection> {
+    ///
+    /// * `resolution`: of the encoder, m
+    pub(super) fn protection(
+        &self,
+        raw: Option<&RawProtection>,
+        resolution: f64,
+    ) -> Result<StatedProtection> {
         let Some(raw) = raw else {
             return Ok(StatedProtection::default());
         };
@@ -195,23 +201,26 @@ impl Document<'_> {
             travel: raw
                 .travel
                 .as_ref()
-                .map(|travel| self.travel(travel))
+                .map(|travel| self.travel(travel, resolution))
                 .transpose()?,
         })
     }
 
-    /// The two ends of the travel.
-    fn travel(&self, raw: &Spanned<Vec<Number>>) -> Result<[f64; 2]> {
+    /// The two ends of the travel, with two whole counts at least between them.
+    fn travel(&self, raw: &Spanned<Vec<Number>>, resolution: f64) -> Result<[f64; 2]> {
         let unit = self.units().position;
         let ends: Vec<f64> = raw.get_ref().iter().map(|end| *end.get_ref()).collect();
         match ends[..] {
-            [lowest, highest] if lowest < highest && lowest.abs().max(highest.abs()) <= LARGEST => {
+            [lowest, highest]
+                if highest - lowest >= 3.0 * resolution
+                    && lowest.abs().max(highest.abs()) <= LARGEST =>
+            {
                 Ok([lowest, highest])
             }
             _ => {
                 let message = format!(
-                    "protection.travel = {ends:?}: must be two numbers, the lower end first, within \
-                     {LARGEST:e} {unit}"
+                    "protection.travel = {ends:?}: must be two numbers, the lower end first, three \
+                     counts of {resolution:e} {unit} apart at least, within {LARGEST:e} {unit}"
                 );
                 Err(self.error(Some(raw.span()), message))
             }
