@@ -25,7 +25,6 @@ fn start() -> (Rig, PlantFile) {
 
 /// The load arrives, and the converter asks for just what the drive commands.
 #[test]
-#[ignore = "tests/five-amperes builds the firmware and runs it"]
 fn a_drive_of_five_amperes_arrives() {
     let (mut rig, plant) = start();
     assert_eq!(rig.board.bus().current_reference(), Some(2080));
@@ -44,7 +43,6 @@ fn a_drive_of_five_amperes_arrives() {
 
 /// With an amplifier of the default drive the signs are wrong: found before the loop is closed.
 #[test]
-#[ignore = "tests/five-amperes builds the firmware and runs it"]
 fn another_amplifier_is_found() {
     let (mut rig, _) = start();
     rig.amplifier = Amplifier::new(Scale {
