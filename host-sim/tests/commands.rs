@@ -187,9 +187,11 @@ fn what_takes_long_says_so_on_a_terminal() {
             .display()
             .to_string();
         let command =
-            format!("{program} simulate --scenario fig3 --csv --duration 250 {quiet} > /dev/null");
+            format!("{program} simulate --scenario fig3 --csv --duration 500 {quiet} > /dev/null");
         let output = std::process::Command::new("script")
             .args(["-qec", &command, "/dev/null"])
+            // Where no terminal is named, nothing is drawn.
+            .env("TERM", "xterm")
             .current_dir(directory.path())
             .output()
             .unwrap();

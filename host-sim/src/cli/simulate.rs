@@ -96,8 +96,9 @@ impl Simulate {
         if let (true, [scenario]) = (self.csv, &scenarios[..]) {
             progress.step(0, 1, scenario.name);
             let run = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
+            let text = csv(&run)?;
             drop(progress);
-            print(&String::from_utf8_lossy(&csv(&run)?))?;
+            print(&String::from_utf8_lossy(&text))?;
             return require_no_fault([&run]);
         }
 
