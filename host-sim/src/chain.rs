@@ -4,12 +4,14 @@
 //! Chain --model--> A, B of eqs. (1), (15)      --load--> A_p, B_p of eq. (16), relative motion
 //!       --modes--> frequencies, dampings, shapes
 //!       --hamiltonian--> K(t), eqs. (8) to (12) and (14)
+//!       --minimum_time--> least time to settle and to rest
 //! ```
 //!
 //! Nothing here knows a file, or what a drive is made of.
 
 pub mod hamiltonian;
 pub mod load;
+pub mod minimum_time;
 mod model;
 mod modes;
 
