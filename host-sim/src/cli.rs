@@ -5,6 +5,7 @@
 //! writes what `report` makes of the result; `wording` has the flags in errors, `drive_argument` the one way to
 //! name a drive file.
 
+mod bound;
 mod capture;
 mod compare;
 mod design;
@@ -41,6 +42,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Design(design::DesignCommand),
+    Bound(bound::BoundCommand),
     Capture(capture::CaptureCommand),
     Compare(compare::CompareCommand),
     Identify(identify::IdentifyCommand),
@@ -82,6 +84,7 @@ impl Cli {
         match self.command {
             None => self.main.run(quiet),
             Some(Command::Design(command)) => command.run(quiet),
+            Some(Command::Bound(command)) => command.run(quiet),
             Some(Command::Capture(command)) => command.run(quiet),
             Some(Command::Compare(command)) => command.run(quiet),
             Some(Command::Identify(command)) => command.run(quiet),

@@ -7,11 +7,13 @@
 //! parameters differ (the encoder's filter on friction as well, which PD cannot remove); the drive is
 //! taken as designed.
 
+mod bounds;
 mod encoder_observer;
 mod pd;
 mod shaper;
 mod tune;
 
+pub use bounds::bounds;
 pub use encoder_observer::Settings as EncoderSettings;
 pub use pd::Settings as PdSettings;
 pub use shaper::Shaper;

@@ -77,6 +77,9 @@ pub enum Error {
     /// The drive cannot be set beside its rivals.
     #[error("nothing was compared: {0}")]
     Comparison(String),
+    /// No least time of a motion can be found.
+    #[error("no bound was found: {0}")]
+    Bound(String),
     /// There is no log, or nothing in it.
     #[error("nothing was captured: {0}")]
     Capture(String),
@@ -118,6 +121,7 @@ impl Error {
             | Error::Simulation(_)
             | Error::Fault { .. }
             | Error::Comparison(_)
+            | Error::Bound(_)
             | Error::Capture(_)
             | Error::Report(_) => 1,
         }

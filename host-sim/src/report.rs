@@ -1,9 +1,10 @@
 //! What the user gets: tables for people, JSON for machines, CSV of every step, plots.
 //!
 //! Every figure arrives here computed; a file for each thing that is reported (`design`, `experiments`,
-//! `comparison`, `excitation`, `identification`, `log`, `paper`, `horizon`), `csv` for a run, `plot` for
+//! `comparison`, `bound`, `excitation`, `identification`, `log`, `paper`, `horizon`), `csv` for a run, `plot` for
 //! drawing.
 
+pub mod bound;
 mod columns;
 pub mod comparison;
 pub mod csv;

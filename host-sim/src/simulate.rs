@@ -9,6 +9,7 @@
 //! it runs, on a plant of its own, feedback of the true state with the same gain
 //! `K`: the bound that no observer can beat.
 
+pub mod bound;
 pub mod corridor;
 pub mod ending;
 pub mod metrics;

@@ -101,7 +101,12 @@ pub fn minimum_time(task: &Task<'_>) -> Result<MinimumTime> {
                 .into(),
         ));
     }
-    if task.chain.stiffness.iter().any(|stiffness| *stiffness <= 0.0) {
+    if task
+        .chain
+        .stiffness
+        .iter()
+        .any(|stiffness| *stiffness <= 0.0)
+    {
         return Err(NoSolution(
             "no current brings every mass to rest at the target: a spring is broken".into(),
         ));

@@ -2,7 +2,7 @@
 
 use super::drive_argument::DriveArgument;
 use super::progress::Progress;
-use crate::compare::{compare, require_comparable};
+use crate::compare::{bounds, compare, require_comparable};
 use crate::design::Design;
 use crate::design::assessment::require_sound;
 use crate::error::Result;
@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// The rivals are tuned in the same run for the least worst settling time over the plants whose springs,
 /// last load and force constant differ: collocated PD alone and with ZV, ZVD and EI shapers, and a Kalman
 /// filter on the encoder, which is tuned on the plant with friction as well. Only that one has Coulomb
-/// friction. Feedback of the true state is the bound of the drive's gain without friction.
+/// friction. Every settling time stands beside the bound of its plant: the least time any control can take. Feedback of the true state is the bound of the drive's gain without friction.
 #[derive(Debug, Args)]
 pub(super) struct CompareCommand {
     #[command(flatten)]
@@ -36,12 +36,16 @@ impl CompareCommand {
         require_comparable(&design)?;
         require_sound(&design)?;
         let rows = compare(&design, &|done, of, what| progress.step(done, of, what))?;
+        let bounds = bounds(&design);
         drop(progress);
         if let Some(path) = &self.plot {
             write_file(path, comparison::plot(&design, &rows)?.as_bytes())?;
         }
         if self.json {
-            return print(&format!("{:#}\n", comparison::json(&design, &rows)));
+            return print(&format!(
+                "{:#}\n",
+                comparison::json(&design, &rows, &bounds)
+            ));
         }
         if quiet {
             return Ok(());
@@ -49,7 +53,7 @@ impl CompareCommand {
         let mut text = format!(
             "drive: {}\n{}",
             self.drive.shown(),
-            comparison::text(&design, &rows)
+            comparison::text(&design, &rows, &bounds)
         );
         if let Some(path) = &self.plot {
             text += &format!("plot written to {}\n", path.display());

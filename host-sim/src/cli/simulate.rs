@@ -8,7 +8,7 @@ use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::output::{print, write_file};
 use crate::report::{csv::csv, design, experiments, run};
-use crate::simulate::metrics::Metrics;
+use crate::simulate::bound::bound;
 use crate::simulate::scenario::{SCENARIOS, Scenario, of_the_paper};
 use crate::simulate::watch::watched;
 use crate::simulate::{Law, Run, simulate};
@@ -102,26 +102,33 @@ impl Simulate {
             return require_no_fault([&run]);
         }
 
-        let mut runs: Vec<(Run, Metrics)> = Vec::new();
+        let mut runs: Vec<experiments::Judged> = Vec::new();
         let mut files = Vec::new();
         for (done, scenario) in scenarios.iter().enumerate() {
             progress.step(done, scenarios.len(), scenario.name);
             let of = |law| watched(&design, &plant, scenario, law, self.duration);
-            let ((core, metrics), (bound, metrics_of_bound)) =
+            let ((core, metrics), (full_state, metrics_of_full_state)) =
                 (of(Law::Core)?, of(Law::FullState)?);
+            let bound = bound(&drive, &plant, scenario);
             for (name, content) in [
                 (
                     format!("{}.svg", scenario.name),
-                    run::plot(&core, &bound, drive.actuator.current_limit)?.into_bytes(),
+                    run::plot(&core, &full_state, drive.actuator.current_limit)?.into_bytes(),
                 ),
                 (format!("{}.csv", scenario.name), csv(&core)?),
-                (format!("{}-full-state.csv", scenario.name), csv(&bound)?),
+                (
+                    format!("{}-full-state.csv", scenario.name),
+                    csv(&full_state)?,
+                ),
             ] {
                 let path = self.out.join(name);
                 write_file(&path, &content)?;
                 files.push(path.display().to_string());
             }
-            runs.extend([(core, metrics), (bound, metrics_of_bound)]);
+            runs.extend([
+                (core, metrics, bound.clone()),
+                (full_state, metrics_of_full_state, bound),
+            ]);
         }
         drop(progress);
         if self.json {
@@ -137,7 +144,7 @@ impl Simulate {
             text += &format!("Plots and CSV of every step: {}\n", self.out.display());
             print(&text)?;
         }
-        require_no_fault(runs.iter().map(|(run, _)| run))
+        require_no_fault(runs.iter().map(|(run, ..)| run))
     }
 }
 

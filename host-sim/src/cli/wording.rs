@@ -7,8 +7,9 @@ use clap::CommandFactory;
 use std::path::Path;
 
 /// Every parameter that an error can name, and its flag.
-const FLAGS: [(&str, &str); 8] = [
+const FLAGS: [(&str, &str); 9] = [
     ("current", "--current"),
+    ("distance", "--distance"),
     ("experiment", "--run"),
     ("from", "--from"),
     ("hold", "--hold"),

@@ -1,5 +1,6 @@
 //! The drive beside its rivals: a table of all laws on all plants, what they were tuned to, and JSON.
 
+use super::bound::{failures, ratio};
 use super::plot::{Panel, Series, panels};
 use super::settled::settled;
 use crate::chain::controlled_mass;
@@ -7,28 +8,60 @@ use crate::compare::{Outcome, Row, Tuning, duration};
 use crate::design::Design;
 use crate::error::Result;
 use crate::machine::Units;
+use crate::simulate::bound::{Bound, times};
 use comfy_table::{Table, presets};
 use serde_json::json;
 
 /// Every law's figures for JSON.
+///
+/// * `bounds`: of each plant
 #[must_use]
-pub fn json(design: &Design, rows: &[Row]) -> serde_json::Value {
-    json!({ "kind": design.drive.kind, "laws": rows })
+pub fn json(design: &Design, rows: &[Row], bounds: &[Bound]) -> serde_json::Value {
+    let laws = rows.iter().map(|row| {
+        let mut law = json!(row);
+        let settled = row.outcomes.iter().map(|outcome| {
+            let metrics = outcome.metrics.as_ref();
+            metrics.and_then(|metrics| metrics.settling_time)
+        });
+        for (case, (settled, bound)) in settled.zip(bounds).enumerate() {
+            law["outcomes"][case]["times_bound"] = json!(times(settled, bound));
+        }
+        law
+    });
+    let laws: Vec<_> = laws.collect();
+    let cases = rows.first().into_iter().flat_map(|row| &row.outcomes);
+    let bounds: Vec<_> = cases
+        .zip(bounds)
+        .map(|(outcome, bound)| {
+            json!({
+                "case": outcome.case,
+                "bound": bound.as_ref().ok(),
+                "failure": bound.as_ref().err().map(ToString::to_string),
+            })
+        })
+        .collect();
+    json!({ "kind": design.drive.kind, "bounds": bounds, "laws": laws })
 }
 
 /// What is compared, the table, and what the rivals were tuned to.
+///
+/// * `bounds`: of each plant
 #[must_use]
-pub fn text(design: &Design, rows: &[Row]) -> String {
+pub fn text(design: &Design, rows: &[Row], bounds: &[Bound]) -> String {
     let units = design.drive.kind.units();
     let mass = controlled_mass(design.loads());
+    let cases = rows.first().into_iter().flat_map(|row| &row.outcomes);
+    let named = cases.map(|outcome| outcome.case.as_str()).zip(bounds);
     format!(
-        "Step of 30 {}, runs of {:.2} s. Each cell: settling time of mass {mass} to 2 % [ms] / \
-         overshoot [%] / residual vibration [{} p-p].\n\n{}\n\n{}",
+        "Step of 30 {}, runs of {:.2} s. Each cell: settling time of mass {mass} to 2 % [ms] (over the bound) / \
+         overshoot [%] / residual vibration [{} p-p]. Bound: least time any control can take on that plant, \
+         without friction.\n\n{}\n\n{}{}",
         units.milli_position,
         duration(design),
         units.micro_position,
-        table(rows, mass, units),
+        table(rows, bounds, mass, units),
         tunings(rows, units),
+        failures(named),
     )
 }
 
@@ -86,24 +119,30 @@ pub fn plot(design: &Design, rows: &[Row]) -> Result<String> {
     )
 }
 
-fn table(rows: &[Row], mass: usize, units: &Units) -> Table {
+fn table(rows: &[Row], bounds: &[Bound], mass: usize, units: &Units) -> Table {
     let mut table = Table::new();
     table.load_style(presets::ASCII_MARKDOWN);
     let cases = rows.first().into_iter().flat_map(|row| &row.outcomes);
     table.set_header(
         std::iter::once("law".to_owned()).chain(cases.map(|outcome| outcome.case.clone())),
     );
+    let least = bounds.iter().map(|bound| match bound {
+        Ok(bound) => format!("{:.0}", 1e3 * bound.settled),
+        Err(_) => "-".into(),
+    });
+    table.add_row(std::iter::once("bound".to_owned()).chain(least));
     for row in rows {
         let cells = row
             .outcomes
             .iter()
-            .map(|outcome| cell(outcome, mass, units));
+            .zip(bounds)
+            .map(|(outcome, bound)| cell(outcome, bound, mass, units));
         table.add_row(std::iter::once(row.law.to_owned()).chain(cells));
     }
     table
 }
 
-fn cell(outcome: &Outcome, mass: usize, units: &Units) -> String {
+fn cell(outcome: &Outcome, bound: &Bound, mass: usize, units: &Units) -> String {
     let Some(metrics) = &outcome.metrics else {
         return "failed".into();
     };
@@ -117,7 +156,8 @@ fn cell(outcome: &Outcome, mass: usize, units: &Units) -> String {
     let residual = metrics.residual_vibration.as_ref();
     let residual = residual.and_then(|masses| masses.get(mass));
     format!(
-        "{shown} / {:.1} / {}",
+        "{shown} ({}) / {:.1} / {}",
+        ratio(metrics.settling_time, bound),
         metrics.overshoot,
         residual.map_or("-".into(), |x| format!("{:.0}", 1e6 * x))
     )

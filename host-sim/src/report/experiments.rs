@@ -1,9 +1,11 @@
 //! Experiments in closed loop, as a table and JSON.
 
+use super::bound::{failures, ratio};
 use super::settled::settled;
 use super::table::{right, table};
 use crate::chain::controlled_mass;
 use crate::design::Design;
+use crate::simulate::bound::{Bound, times};
 use crate::simulate::metrics::Metrics;
 use crate::simulate::watch::WATCHED;
 use crate::simulate::{Law, Run};
@@ -20,9 +22,12 @@ pub fn law_name(law: Law, design: &Design) -> &'static str {
     }
 }
 
+/// One run, its figures, and the bound of its experiment.
+pub type Judged = (Run, Metrics, Bound);
+
 /// The experiments' figures, one row per run.
 #[must_use]
-pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
+pub fn tables(design: &Design, runs: &[Judged]) -> String {
     let mass = controlled_mass(design.loads());
     let units = design.drive.kind.units();
     let micro = units.micro_position;
@@ -35,6 +40,7 @@ pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
         "experiment",
         "control",
         &settling,
+        "x bound",
         "overshoot [%]",
         &residual,
         &offset,
@@ -51,11 +57,12 @@ pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
         if list.is_empty() { "-".into() } else { list }
     };
     let both = |values: [f64; 2]| micrometres(&Some(values.to_vec()));
-    for (run, metrics) in runs {
+    for (run, metrics, bound) in runs {
         table.add_row([
             Cell::new(run.scenario.name),
             Cell::new(law_name(run.law, design)),
             right(settled(metrics, units)),
+            right(ratio(metrics.settling_time, bound)),
             right(format!("{:.1}", metrics.overshoot)),
             right(micrometres(&metrics.residual_vibration)),
             right(both(metrics.end.offset)),
@@ -66,31 +73,37 @@ pub fn tables(design: &Design, runs: &[(Run, Metrics)]) -> String {
     }
     let still = runs
         .first()
-        .map_or(0.0, |(_, metrics)| metrics.end.tolerance);
+        .map_or(0.0, |(_, metrics, _)| metrics.end.tolerance);
     let titles = runs
         .iter()
-        .filter(|(run, _)| run.law == Law::Core)
-        .map(|(run, _)| format!("{}: {}\n", run.scenario.name, run.scenario.title(run.kind)));
+        .filter(|(run, ..)| run.law == Law::Core)
+        .map(|(run, ..)| format!("{}: {}\n", run.scenario.name, run.scenario.title(run.kind)));
+    let core = runs.iter().filter(|(run, ..)| run.law == Law::Core);
+    let named = core.map(|(run, _, bound)| (run.scenario.name, bound));
     format!(
         "{}\n{table}\n\
-         Settling: within 2 % of the motion for good, and at rest at the end. Residual vibration: from 0.5 s on. \
+         Settling: within 2 % of the motion for good, and at rest at the end. x bound: over the least time any \
+         control can take on this plant, without friction and forces from outside (`host-sim bound`). Residual vibration: from 0.5 s on. \
          Off at the end: in the last fifth of the run (0.2 s at least). Still moving: in the last fifth of the \
          run and {WATCHED} s more, up to {:.0} {micro} is rest. Lists: actuator first, then loads, or mass {mass} \
-         alone.\n",
+         alone.\n{}",
         titles.collect::<String>(),
-        1e6 * still
+        1e6 * still,
+        failures(named)
     )
 }
 
 /// The experiments' figures for JSON, and the files that hold every step.
 #[must_use]
-pub fn json(design: &Design, runs: &[(Run, Metrics)], files: &[String]) -> serde_json::Value {
-    let experiments = runs.iter().map(|(run, metrics)| {
+pub fn json(design: &Design, runs: &[Judged], files: &[String]) -> serde_json::Value {
+    let experiments = runs.iter().map(|(run, metrics, bound)| {
         json!({
             "scenario": run.scenario.name,
             "law": run.law,
             "observer": (run.law == Law::Core).then(|| design.drive.control.observer.name()),
             "metrics": metrics,
+            "bound": bound.as_ref().ok(),
+            "times_bound": times(metrics.settling_time, bound),
         })
     });
     let experiments: Vec<_> = experiments.collect();

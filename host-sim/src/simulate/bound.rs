@@ -1,0 +1,41 @@
+//! The bound of an experiment: the least time in which any control can do it, on one plant.
+//!
+//! That of [`minimum_time`](crate::chain::minimum_time), for the plant as it is, with as much current as drive
+//! and amplifier both allow, but without Coulomb friction and forces from outside.
+
+use super::scenario::Scenario;
+use crate::chain::controlled_mass;
+use crate::chain::minimum_time::{MinimumTime, Task, minimum_time};
+use crate::drive::{Drive, PlantFile, SETTLING_BAND};
+use crate::linear::Result;
+use crate::machine::chain_of;
+
+/// The bound, or why there is none.
+pub type Bound = Result<MinimumTime>;
+
+/// The bound of an experiment.
+///
+/// * `plant`: what is there; with as many loads as the drive
+///
+/// # Errors
+/// [`NoSolution`](crate::error::NoSolution) as [`minimum_time`].
+pub fn bound(drive: &Drive, plant: &PlantFile, scenario: &Scenario) -> Bound {
+    let chain = chain_of(&plant.actuator, &plant.loads, plant.friction.viscous);
+    let limits = [&plant.actuator, &drive.actuator].map(|actuator| actuator.current_limit);
+    minimum_time(&Task {
+        chain: &chain,
+        start: &scenario.initial_state(&chain),
+        target: scenario.target,
+        current_limit: limits[0].min(limits[1]),
+        period: drive.control.sample_time,
+        controlled: controlled_mass(chain.loads()),
+        band: SETTLING_BAND,
+    })
+}
+
+/// How many times the bound a settling time is.
+#[must_use]
+pub fn times(settling_time: Option<f64>, bound: &Bound) -> Option<f64> {
+    let bound = bound.as_ref().ok()?;
+    settling_time.map(|time| time / bound.settled)
+}
