@@ -25,6 +25,7 @@ fn a_drive_is_named_in_one_way_everywhere() {
     let out = directory.path().to_str().unwrap();
     for command in [
         &["design"][..],
+        &["bound"],
         &["simulate", "--duration", "0.1", "--out", out],
         &["excite", "--out", out],
     ] {
@@ -48,6 +49,7 @@ fn quiet_is_quiet_and_files_are_written() {
         &["simulate", "--scenario", "fig3", "--out", out][..],
         &["excite", "--out", out],
         &["design"],
+        &["bound"],
         &["paper"],
         &["man", out],
     ] {

@@ -251,6 +251,17 @@ fn rivals_are_compared_on_the_same_plants() {
             main["experiments"][run]["metrics"]["settling_time"]
         );
     }
+    // Beside every settling time, how many times the bound of its plant it is: one sample late, one sample more.
+    let bound = |case: usize| value["bounds"][case]["bound"]["settled"].as_f64().unwrap();
+    assert!((bound(7) - bound(0) - 1e-3).abs() < 1e-9);
+    for law in laws {
+        for (case, outcome) in law["outcomes"].as_array().unwrap().iter().enumerate() {
+            let settled = outcome["metrics"]["settling_time"].as_f64();
+            let times = settled.map(|settled| settled / bound(case));
+            assert_eq!(outcome["times_bound"].as_f64(), times);
+            assert!(times.is_none_or(|times| times > 1.0));
+        }
+    }
     let text = good(at, DRIVE, &["compare", "drive.toml"]);
     for name in names {
         assert!(text.contains(&format!("| {name} ")), "{name}: {text}");

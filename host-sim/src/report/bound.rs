@@ -51,9 +51,9 @@ pub fn text(drive: &Drive, plant: &PlantFile, distance: f64, bound: &MinimumTime
         .min(plant.actuator.current_limit);
     let mut text = format!(
         "Step of {} {} with at most {limit} A, held over control periods of {} ms.\n\n{table}\n\n\
-         No control is faster, whatever it knows: no friction, no forces from outside, the current free within \
-         its limit. After the first time the other masses are at rest within one and a half periods of the \
-         slowest mode, or half the second time where that is more.\n",
+         No control does it sooner, whatever it knows: without friction and forces from outside, the current \
+         free within its limit. From the first time on the other masses may swing, and all are at rest one and \
+         a half periods of the slowest mode later, or half the second time later where that is more.\n",
         significant(1e3 * distance, 3),
         units.milli_position,
         1e3 * drive.control.sample_time,
