@@ -7,6 +7,7 @@ use crate::compare::{Outcome, Row, Tuning, duration};
 use crate::design::Design;
 use crate::error::Result;
 use crate::machine::Units;
+use crate::output::significant;
 use comfy_table::{Table, presets};
 use serde_json::json;
 
@@ -23,12 +24,40 @@ pub fn text(design: &Design, rows: &[Row]) -> String {
     let mass = controlled_mass(design.loads());
     format!(
         "Step of 30 {}, runs of {:.2} s. Each cell: settling time of mass {mass} to 2 % [ms] / \
-         overshoot [%] / residual vibration [{} p-p].\n\n{}\n\n{}",
+         overshoot [%] / residual vibration [{} p-p].\n\n{}\n\n{}\n\n{}",
         units.milli_position,
         duration(design),
         units.micro_position,
         table(rows, mass, units),
+        held_out(rows),
         tunings(rows, units),
+    )
+}
+
+/// What the laws make of plants that none of them was tuned on.
+fn held_out(rows: &[Row]) -> String {
+    let plants = rows.first().map_or(0, |row| row.held_out.plants);
+    if plants == 0 {
+        return "No plants were drawn at random.".into();
+    }
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN);
+    table.set_header(["law", "median [ms]", "95 % [ms]", "worst [ms]", "not settled"]);
+    for row in rows {
+        let found = &row.held_out;
+        let time = |time: Option<f64>| time.map_or("-".into(), |time| format!("{:.0}", 1e3 * time));
+        table.add_row([
+            row.law.to_owned(),
+            time(found.median),
+            time(found.most),
+            time(found.worst),
+            found.not_settled.to_string(),
+        ]);
+    }
+    format!(
+        "The same step on {plants} plants drawn at random, on which nothing was tuned: stiffness +-30 %, last \
+         load 0 to +50 %, force constant +-10 %, friction from none to that of the last column, all at \
+         once. What does not settle counts as longest.\n\n{table}"
     )
 }
 
@@ -138,15 +167,45 @@ fn tunings(rows: &[Row], units: &Units) -> String {
                     pd.velocity_gain,
                     units.velocity_gain
                 );
-                if row.law != "PD" {
+                if let Some(notch) = &pd.notch {
+                    text += &format!(
+                        ", notch at {:.2} Hz with damping ratios {:.3} over {:.3}",
+                        notch.centre / std::f64::consts::TAU,
+                        notch.depth,
+                        notch.width
+                    );
+                } else if let Some(disturbance) = &pd.disturbance {
+                    text += &format!(
+                        ", observer of {:.1} rad/s for {} {}",
+                        disturbance.cutoff,
+                        significant(disturbance.mass, 3),
+                        units.mass
+                    );
+                } else if let Some(reference) = &pd.reference {
                     text += &format!(
                         ", ramps of {:.1} ms, shaper for {:.2} Hz and damping ratio {:.2}",
-                        1e3 * pd.ramp,
-                        pd.frequency / std::f64::consts::TAU,
-                        pd.damping
+                        1e3 * reference.ramp,
+                        reference.frequency / std::f64::consts::TAU,
+                        reference.damping
                     );
                 }
                 text += "\n";
+            }
+            Tuning::Weights(weights) => {
+                let list = |values: &[f64]| {
+                    let values = values.iter().map(|value| significant(*value, 3));
+                    values.collect::<Vec<_>>().join(", ")
+                };
+                text += &format!(
+                    "{}: position [{}] {}, velocity [{}] {}, load_force_ratio {}, disturbance_rate {} 1/s\n",
+                    row.law,
+                    list(&weights.position),
+                    units.position_weight,
+                    list(&weights.velocity),
+                    units.velocity_weight,
+                    significant(weights.load_force_ratio, 3),
+                    significant(weights.disturbance_rate, 3)
+                );
             }
             Tuning::Encoder(filter) => {
                 let force = units.force;
@@ -155,6 +214,10 @@ fn tunings(rows: &[Row], units: &Units) -> String {
                     row.law, filter.load_force, filter.disturbance
                 );
             }
+        }
+        if let (Some(criterion), true) = (row.criterion, text.ends_with('\n')) {
+            text.pop();
+            text += &format!("; criterion {:.1} ms\n", 1e3 * criterion);
         }
         for outcome in &row.outcomes {
             if let Some(failure) = &outcome.failure {
