@@ -49,7 +49,9 @@ impl CompareCommand {
             evaluations: self.evaluations as usize,
             plants: self.plants as usize,
         };
-        let rows = compare(&design, effort, &|done, of, what| progress.step(done, of, what))?;
+        let rows = compare(&design, effort, &|done, of, what| {
+            progress.step(done, of, what)
+        })?;
         drop(progress);
         if let Some(path) = &self.plot {
             write_file(path, comparison::plot(&design, &rows)?.as_bytes())?;
@@ -63,7 +65,7 @@ impl CompareCommand {
         let mut text = format!(
             "drive: {}\n{}",
             self.drive.shown(),
-            comparison::text(&design, &rows)
+            comparison::text(&design, &rows, effort)
         );
         if let Some(path) = &self.plot {
             text += &format!("plot written to {}\n", path.display());

@@ -9,7 +9,10 @@ use super::encoder_observer::EncoderObserver;
 use super::pd::{DisturbanceSettings, Pd};
 use super::shaper::Shaper;
 use super::tune::Space;
-use super::{Case, EncoderSettings, NotchSettings, PdSettings, ReferenceSettings, Tuning, WeightSettings, scenario};
+use super::{
+    Case, EncoderSettings, NotchSettings, PdSettings, ReferenceSettings, Tuning, WeightSettings,
+    scenario,
+};
 use crate::design::Design;
 use crate::drive::{ObserverMethod, Weights};
 use crate::error::Result;
@@ -71,7 +74,10 @@ fn slowest(design: &Design) -> f64 {
 fn space(ends: &[(f64, f64)], starts: &[Vec<f64>]) -> Space {
     let logarithms = |point: &Vec<f64>| point.iter().map(|x| x.ln()).collect();
     Space {
-        ends: ends.iter().map(|(low, high)| (low.ln(), high.ln())).collect(),
+        ends: ends
+            .iter()
+            .map(|(low, high)| (low.ln(), high.ln()))
+            .collect(),
         starts: starts.iter().map(logarithms).collect(),
     }
 }
@@ -86,12 +92,7 @@ enum Extra {
 
 /// Bandwidth and damping of a rigid drive; with a shaper, duration of the ramps and the shaper's frequency and
 /// damping; with a notch its centre, depth and width; with a disturbance observer its cutoff and mass.
-fn tuned_pd<'a>(
-    design: &'a Design,
-    name: &'static str,
-    shaper: Shaper,
-    extra: Extra,
-) -> Tuned<'a> {
+fn tuned_pd<'a>(design: &'a Design, name: &'static str, shaper: Shaper, extra: Extra) -> Tuned<'a> {
     let omega = slowest(design);
     let mut ends = vec![(0.05, 10.0), (0.1, 3.0)];
     // Slow and damped; with a shaper also a stiff motor, whose load then vibrates as if it were held.
@@ -203,13 +204,13 @@ fn tuned_drive(design: &Design) -> Tuned<'_> {
     let index = &design.index;
     let own = |weights: &[f64], unit: f64| -> Vec<f64> {
         let floor = WEIGHTS.0;
-        weights.iter().map(|weight| (weight / unit).max(floor)).collect()
+        weights
+            .iter()
+            .map(|weight| (weight / unit).max(floor))
+            .collect()
     };
     let observer = &drive.observer;
-    let densities = [
-        observer.load_force_ratio,
-        observer.disturbance_rate / omega,
-    ];
+    let densities = [observer.load_force_ratio, observer.disturbance_rate / omega];
     let start = [
         own(&index.position, position),
         own(&index.velocity, velocity),
@@ -235,9 +236,8 @@ fn tuned_drive(design: &Design) -> Tuned<'_> {
         drive.observer.load_force_ratio = settings.load_force_ratio;
         drive.observer.disturbance_rate = settings.disturbance_rate;
         let design = Design::new(&drive)?;
-        let make: Make<'_> = Box::new(move |case: &Case| {
-            Ok(Box::new(Core::new(&design, &case.plant, scenario())?))
-        });
+        let make: Make<'_> =
+            Box::new(move |case: &Case| Ok(Box::new(Core::new(&design, &case.plant, scenario())?)));
         Ok((Tuning::Weights(settings), make))
     };
     Tuned {

@@ -81,6 +81,8 @@ impl Settings {
 /// The law.
 pub(crate) struct Pd {
     settings: Settings,
+    /// Share and start of each part of the reference, and the duration of its ramp, in control periods, in which
+    /// a ramp of one period is exactly that.
     parts: Vec<(f64, f64)>,
     ramp: f64,
     target: f64,
@@ -107,12 +109,11 @@ impl Pd {
         Self {
             parts: settings.reference.map_or_else(
                 || vec![(1.0, 0.0)],
-                |shaped| shaper.parts(shaped.frequency, shaped.damping),
+                |shaped| shaper.parts(shaped.frequency * control.sample_time, shaped.damping),
             ),
             ramp: settings
                 .reference
-                .map_or(0.0, |shaped| shaped.ramp)
-                .max(control.sample_time),
+                .map_or(1.0, |shaped| (shaped.ramp / control.sample_time).max(1.0)),
             settings,
             target,
             period: control.sample_time,
@@ -131,15 +132,15 @@ impl Pd {
         }
     }
 
-    /// Reference and its velocity.
-    fn reference(&self, time: f64) -> (f64, f64) {
+    /// Reference and its velocity, m and m/s, after so many control periods.
+    fn reference(&self, periods: f64) -> (f64, f64) {
         let (mut position, mut velocity) = (0.0, 0.0);
         for (share, start) in &self.parts {
             let part = share * self.target;
-            let done = ((time - start) / self.ramp).clamp(0.0, 1.0);
+            let done = ((periods - start) / self.ramp).clamp(0.0, 1.0);
             position += part * done;
             if done > 0.0 && done < 1.0 {
-                velocity += part / self.ramp;
+                velocity += part / (self.ramp * self.period);
             }
         }
         (position, velocity)
@@ -156,7 +157,7 @@ impl Control for Pd {
             .step(&mut self.filter.1, reading.displacement, current);
         // The first sample already sees the first part of the ramp, as a step is seen.
         self.samples += 1;
-        let (position, velocity) = self.reference(f64::from(self.samples) * self.period);
+        let (position, velocity) = self.reference(f64::from(self.samples));
         let measured = self.encoder.0.position(reading.place);
         let mut command = self.settings.position_gain * (position - f64::from(measured.0))
             + self.settings.velocity_gain * (velocity - f64::from(seen.velocity.0));

@@ -24,7 +24,7 @@ pub fn of_drive(design: &Design) -> Result<Margins> {
     })
 }
 
-/// Of feedback of the true state with the same gain: the bound.
+/// Of the same gain on the true state.
 ///
 /// # Errors
 /// As [`of_drive`].

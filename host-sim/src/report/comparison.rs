@@ -3,7 +3,7 @@
 use super::plot::{Panel, Series, panels};
 use super::settled::settled;
 use crate::chain::controlled_mass;
-use crate::compare::{Outcome, Row, Tuning, duration};
+use crate::compare::{Effort, Outcome, Row, Tuning, duration, evaluations};
 use crate::design::Design;
 use crate::error::Result;
 use crate::machine::Units;
@@ -19,7 +19,7 @@ pub fn json(design: &Design, rows: &[Row]) -> serde_json::Value {
 
 /// What is compared, the table, and what the rivals were tuned to.
 #[must_use]
-pub fn text(design: &Design, rows: &[Row]) -> String {
+pub fn text(design: &Design, rows: &[Row], effort: Effort) -> String {
     let units = design.drive.kind.units();
     let mass = controlled_mass(design.loads());
     format!(
@@ -30,7 +30,7 @@ pub fn text(design: &Design, rows: &[Row]) -> String {
         units.micro_position,
         table(rows, mass, units),
         held_out(rows),
-        tunings(rows, units),
+        tunings(rows, units, evaluations(design, effort)),
     )
 }
 
@@ -42,7 +42,13 @@ fn held_out(rows: &[Row]) -> String {
     }
     let mut table = Table::new();
     table.load_style(presets::ASCII_MARKDOWN);
-    table.set_header(["law", "median [ms]", "95 % [ms]", "worst [ms]", "not settled"]);
+    table.set_header([
+        "law",
+        "median [ms]",
+        "95 % [ms]",
+        "worst [ms]",
+        "not settled",
+    ]);
     for row in rows {
         let found = &row.held_out;
         let time = |time: Option<f64>| time.map_or("-".into(), |time| format!("{:.0}", 1e3 * time));
@@ -153,8 +159,11 @@ fn cell(outcome: &Outcome, mass: usize, units: &Units) -> String {
 }
 
 /// What the rivals were tuned to, a line each, and why a law failed.
-fn tunings(rows: &[Row], units: &Units) -> String {
-    let mut text = String::new();
+fn tunings(rows: &[Row], units: &Units, evaluations: usize) -> String {
+    let mut text = format!(
+        "Tuned with {evaluations} evaluations each; criterion: mean settling time to 1, 1.4, 2 and 2.8 % on the worst \
+         plant.\n"
+    );
     for row in rows {
         match &row.tuning {
             Tuning::Design => {}
@@ -215,7 +224,7 @@ fn tunings(rows: &[Row], units: &Units) -> String {
                 );
             }
         }
-        if let (Some(criterion), true) = (row.criterion, text.ends_with('\n')) {
+        if let Some(criterion) = row.criterion {
             text.pop();
             text += &format!("; criterion {:.1} ms\n", 1e3 * criterion);
         }
