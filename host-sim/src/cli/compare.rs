@@ -50,7 +50,7 @@ impl CompareCommand {
             plants: self.plants as usize,
         };
         let rows = compare(&design, effort, &|done, of, what| {
-            progress.step(done, of, what)
+            progress.step(done, of, what);
         })?;
         drop(progress);
         if let Some(path) = &self.plot {

@@ -22,6 +22,9 @@ use std::f64::consts::TAU;
 /// Makes the law for a plant.
 pub(super) type Make<'a> = Box<dyn Fn(&Case) -> Result<Box<dyn Control>> + Sync + 'a>;
 
+/// The law of a point in a box, and what that point says.
+pub(super) type Form<'a> = Box<dyn Fn(&[f64]) -> Result<(Tuning, Make<'a>)> + Sync + 'a>;
+
 /// A law that is tuned.
 pub(super) struct Tuned<'a> {
     pub(super) name: &'static str,
@@ -31,7 +34,7 @@ pub(super) struct Tuned<'a> {
     /// What has to follow the two variables of PD for the law to be PD itself; none where it never is.
     pub(super) neutral: Option<Vec<f64>>,
     /// The law of a point.
-    pub(super) form: Box<dyn Fn(&[f64]) -> Result<(Tuning, Make<'a>)> + Sync + 'a>,
+    pub(super) form: Form<'a>,
 }
 
 /// The laws that are taken as they are designed.
