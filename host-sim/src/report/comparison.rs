@@ -24,14 +24,48 @@ pub fn text(design: &Design, rows: &[Row], effort: Effort) -> String {
     let mass = controlled_mass(design.loads());
     format!(
         "Step of 30 {}, runs of {:.2} s. Each cell: settling time of mass {mass} to 2 % [ms] / \
-         overshoot [%] / residual vibration [{} p-p].\n\n{}\n\n{}\n\n{}",
+         overshoot [%] / residual vibration [{} p-p].\n\n{}\n\n{}\n\n{}\n\n{}",
         units.milli_position,
         duration(design),
         units.micro_position,
         table(rows, mass, units),
+        in_words(rows),
         held_out(rows),
         tunings(rows, units, evaluations(design, effort)),
     )
+}
+
+/// How the drive as designed stands beside the best PD law on the plant it was designed for, the first.
+fn in_words(rows: &[Row]) -> String {
+    let nominal = |row: &Row| {
+        let metrics = row.outcomes.first()?.metrics.as_ref()?;
+        metrics.settling_time.filter(|_| metrics.fault.is_none())
+    };
+    let drive = rows.iter().find(|row| row.law == "drive").and_then(nominal);
+    let rivals = rows
+        .iter()
+        .filter(|row| matches!(row.tuning, Tuning::Pd(_)));
+    let times = rivals.filter_map(|row| Some((row.law, nominal(row)?)));
+    let Some((law, time)) = times.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+        return "No PD law settles on the nominal plant.".into();
+    };
+    let rival = format!("{law} in {:.0} ms", 1e3 * time);
+    match drive {
+        None => {
+            format!("On the nominal plant the drive does not settle, {rival}: PD is better there.")
+        }
+        Some(drive) => {
+            let verdict = if drive < time {
+                "the drive is sooner there"
+            } else {
+                "PD is as good there, or better"
+            };
+            format!(
+                "On the nominal plant the drive settles in {:.0} ms, {rival}: {verdict}.",
+                1e3 * drive
+            )
+        }
+    }
 }
 
 /// What the laws make of plants that none of them was tuned on.

@@ -1,0 +1,169 @@
+//! Weights that follow from the drive itself, for a drive file that states none.
+//!
+//! Members of one family, from fast to slow in their bandwidth `ω` in steps of 12 %; the first whose checks
+//! pass is taken:
+//!
+//! ```text
+//! q_i = s_i R (ω² M / k_f)²,   q_v,i = q_i / ω²,   R = 1 / i_max²
+//! ```
+//!
+//! `s_i` shares the weight equally among the masses, or gives 95 % of it to the controlled one; where the file
+//! states no observer either, three pairs of noise densities are tried with each. Of the members of one
+//! bandwidth that pass, the one is taken with which the true state settles soonest. A check passes if it gives no
+//! warning, or only one that the slowest member has as well: it speaks of the drive then, and no weights
+//! change it. The fastest bandwidth is three times the slowest mode, or 0.35 of a control period's rate
+//! where that is less.
+
+use super::PerformanceIndex;
+use super::settling::settles;
+use crate::chain::controlled_mass;
+use crate::design::Design;
+use crate::design::assessment::{at_first_look, judged};
+use crate::design::checks::{Check, Verdict};
+use crate::drive::{Drive, ObserverSettings, Weights};
+use crate::error::{Error, Result};
+use crate::machine::chain_of;
+use rayon::prelude::*;
+
+/// Ratio of one bandwidth to the next, and how many there are.
+const STEP: f64 = 1.12;
+const MEMBERS: i32 = 45;
+/// Fastest bandwidth, over that of the slowest mode, and times the control period.
+const OF_MODE: f64 = 3.0;
+const OF_RATE: f64 = 0.35;
+/// Share of the weights on the controlled mass, besides the equal shares.
+const ON_CONTROLLED: f64 = 0.95;
+/// `load_force_ratio`, and `disturbance_rate` in 1/s, besides the defaults.
+const DENSITIES: [(f64, f64); 2] = [(9.486_832_980_505_138, 1000.0), (1.0, 100.0)];
+
+/// The drive with weights stated, and the observer's densities with them where the drive leaves both open.
+///
+/// # Errors
+/// [`Error::Design`] when no member of the family passes.
+pub(in crate::design) fn stated(drive: &Drive) -> Result<Drive> {
+    let chain = chain_of(&drive.actuator, &drive.loads, drive.friction.viscous);
+    let period = drive.control.sample_time;
+    let mode = chain.modes().first().map_or(f64::INFINITY, |mode| {
+        OF_MODE * std::f64::consts::TAU * mode.frequency_hz
+    });
+    let fastest = mode.min(OF_RATE / period);
+    let bandwidth = |step: i32| fastest * STEP.powi(-step);
+    let warnings = |checks: &[Check]| -> Option<Vec<&'static str>> {
+        let refused = checks.iter().any(|check| check.verdict == Verdict::Refuse);
+        let warned = checks.iter().filter(|check| check.verdict == Verdict::Warn);
+        (!refused).then(|| warned.map(|check| check.name).collect())
+    };
+    let slowest = &members(drive, bandwidth(MEMBERS))[0];
+    let of_the_drive = Design::new(slowest).and_then(|design| at_first_look(&design));
+    let of_the_drive = of_the_drive.ok().and_then(|checks| warnings(&checks));
+    let of_the_drive = of_the_drive.unwrap_or_default();
+    let passes = |checks: &[Check]| {
+        warnings(checks).is_some_and(|names| names.iter().all(|name| of_the_drive.contains(name)))
+    };
+    for step in 0..=MEMBERS {
+        let omega = bandwidth(step);
+        let members = members(drive, omega);
+        let passing = members.par_iter().filter_map(|member| {
+            let design = Design::new(member).ok()?;
+            if !passes(&at_first_look(&design).ok()?) || !passes(&judged(&design).ok()?.0) {
+                return None;
+            }
+            // A rigid drive of this bandwidth settles in some 5 / ω.
+            let time = settles(&design.chain, &design.regulator, period, 5.0 / omega);
+            Some((time, member))
+        });
+        let passing: Vec<_> = passing.collect();
+        let best = passing.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((_, member)) = best {
+            return Ok(member.clone());
+        }
+    }
+    Err(Error::Design(
+        "no weights that follow from the drive itself pass its checks: state them in [cost], and see what \
+         `design` says of them"
+            .into(),
+    ))
+}
+
+/// The drive with each member of one bandwidth, rad/s.
+fn members(drive: &Drive, omega: f64) -> Vec<Drive> {
+    let masses = drive.loads.len() + 1;
+    let controlled = controlled_mass(drive.loads.len());
+    let force_constant = drive.actuator.actual_force_constant();
+    let sum = drive.cost.current * (omega * omega * drive.total_mass() / force_constant).powi(2);
+    let equal = vec![1.0 / masses as f64; masses];
+    let mut one: Vec<f64> = equal.iter().map(|s| (1.0 - ON_CONTROLLED) * s).collect();
+    one[controlled] += ON_CONTROLLED;
+    let mut observers = vec![drive.observer.clone()];
+    if drive.observer == ObserverSettings::default() {
+        observers.extend(
+            DENSITIES.map(|(load_force_ratio, disturbance_rate)| ObserverSettings {
+                load_force_ratio,
+                disturbance_rate,
+                ..drive.observer.clone()
+            }),
+        );
+    }
+    let shares = [equal, one];
+    let each = shares.iter().flat_map(|shares| {
+        observers.iter().map(move |observer| {
+            let index = PerformanceIndex {
+                current: drive.cost.current,
+                position: shares.iter().map(|share| share * sum).collect(),
+                velocity: shares
+                    .iter()
+                    .map(|share| share * sum / (omega * omega))
+                    .collect(),
+            };
+            let mut member = drive.clone();
+            member.cost.weights = Weights::Given {
+                position: index.position,
+                velocity: index.velocity,
+            };
+            member.observer = observer.clone();
+            member
+        })
+    });
+    each.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Light and heavy loads, one to six of them, soft and stiff: gains without a warning that weights could
+    /// change, and faster the stiffer the chain.
+    #[test]
+    fn gains_of_many_drives_pass_their_checks() {
+        let mut slower = f64::INFINITY;
+        for (loads, share, stiffness) in [
+            (1, 6.0, 400.0),
+            (2, 1.0, 2000.0),
+            (3, 0.3, 300.0),
+            (4, 1.5, 3000.0),
+            (6, 0.2, 5000.0),
+        ] {
+            let mut drive = Drive::default_drive();
+            let load = drive.loads[0].clone();
+            drive.loads = vec![load; loads];
+            for load in &mut drive.loads {
+                load.mass = share * drive.actuator.mass / loads as f64;
+                load.stiffness = stiffness;
+            }
+            drive.cost.weights = Weights::Derived;
+            drive.cost.terminal = vec![0.0; 2 * loads + 2];
+            let design = Design::new(&drive).unwrap();
+            let checks = judged(&design).unwrap().0;
+            let not: Vec<_> = checks
+                .iter()
+                .filter(|check| check.verdict != Verdict::Pass)
+                .map(|check| (check.name, check.value))
+                .collect();
+            assert_eq!(not, [], "{loads} {share} {stiffness}: {not:?}");
+            if loads == 1 {
+                slower = design.regulator_decay().unwrap();
+            }
+        }
+        assert!(slower > 1.0);
+    }
+}
