@@ -29,7 +29,8 @@ pub(super) struct RawFile {
     pub(super) control: Option<RawControl>,
     /// How the state observer is designed.
     pub(super) observer: Option<RawObserver>,
-    /// The performance index, eq. (2): position and velocity, or energy alone, or `settling_time` alone.
+    /// The performance index, eq. (2): position and velocity, or energy alone, or `settling_time` alone; weights
+    /// that follow from the drive when absent.
     #[schemars(with = "Option<RawCost>")]
     pub(super) cost: Option<Spanned<RawCost>>,
     /// Limits of a planned move; derived from current limit and slowest mode when absent.
