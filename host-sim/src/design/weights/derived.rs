@@ -11,8 +11,9 @@
 //! states no observer either, three pairs of noise densities are tried with each. Of the members of one
 //! bandwidth that pass, the one is taken with which the true state settles soonest. The loop must also bear two
 //! control periods of delay, and decay on plants whose springs are 30 %, whose last load is 50 % or whose force
-//! constant is 10 % off. A check passes if it gives no
-//! warning, or only one that the slowest member has as well: it speaks of the drive then, and no weights
+//! constant is 10 % off, unless no member does. Where none
+//! passes, the one is taken with the fewest checks that refuse or warn. A check passes if it gives no
+//! warning, or only one that the slowest sound member has as well: it speaks of the drive then, and no weights
 //! change it. The fastest bandwidth is three times the slowest mode, or 0.35 of a control period's rate
 //! where that is less.
 
@@ -47,7 +48,7 @@ const DENSITIES: [(f64, f64); 2] = [(9.486_832_980_505_138, 1000.0), (1.0, 100.0
 /// The drive with weights stated, and the observer's densities with them where the drive leaves both open.
 ///
 /// # Errors
-/// [`Error::Design`] when no member of the family passes.
+/// [`Error::Design`] when no member of the family can be designed.
 pub(in crate::design) fn stated(drive: &Drive) -> Result<Drive> {
     let chain = chain_of(&drive.actuator, &drive.loads, drive.friction.viscous);
     let period = drive.control.sample_time;
@@ -61,14 +62,17 @@ pub(in crate::design) fn stated(drive: &Drive) -> Result<Drive> {
         let warned = checks.iter().filter(|check| check.verdict == Verdict::Warn);
         (!refused).then(|| warned.map(|check| check.name).collect())
     };
-    let slowest = &members(drive, bandwidth(MEMBERS))[0];
-    let of_the_drive = Design::new(slowest).and_then(|design| at_first_look(&design));
-    let of_the_drive = of_the_drive.ok().and_then(|checks| warnings(&checks));
+    let of_the_drive = (0..=MEMBERS).rev().find_map(|step| {
+        let design = Design::new(&members(drive, bandwidth(step))[0]).ok()?;
+        warnings(&at_first_look(&design).ok()?)
+    });
     let of_the_drive = of_the_drive.unwrap_or_default();
     let passes = |checks: &[Check]| {
         warnings(checks).is_some_and(|names| names.iter().all(|name| of_the_drive.contains(name)))
     };
-    for step in 0..=MEMBERS {
+    // Robust ones first; where there are none, those whose checks pass.
+    let all = [true, false].into_iter();
+    for (robust, step) in all.flat_map(|robust| (0..=MEMBERS).map(move |step| (robust, step))) {
         let omega = bandwidth(step);
         let members = members(drive, omega);
         let passing = members.par_iter().filter_map(|member| {
@@ -77,7 +81,8 @@ pub(in crate::design) fn stated(drive: &Drive) -> Result<Drive> {
                 lasts_elsewhere(&design, omega).ok()? && passes(&at_first_look(&design).ok()?);
             let (checks, margins) = holds.then(|| judged(&design).ok())??;
             let delay = margins.and_then(|margins| margins.delay_margin);
-            if !passes(&checks) || delay.is_some_and(|delay| delay < DELAY * period) {
+            let late = delay.is_some_and(|delay| delay < DELAY * period);
+            if !passes(&checks) || (robust && late) {
                 return None;
             }
             // A rigid drive of this bandwidth settles in some 5 / ω.
@@ -90,12 +95,29 @@ pub(in crate::design) fn stated(drive: &Drive) -> Result<Drive> {
             return Ok(member.clone());
         }
     }
-    Err(Error::Design(
-        "no weights that follow from the drive itself pass its checks: state them in [cost], and see what \
-         `design` says of them"
-            .into(),
-    ))
+    // Nor these: what the checks say of the best of them is then for the user to read.
+    let steps: Vec<i32> = (0..=MEMBERS).collect();
+    let judged = steps.par_iter().flat_map_iter(|step| {
+        let members = members(drive, bandwidth(*step)).into_iter();
+        members.filter_map(|member| {
+            let checks = at_first_look(&Design::new(&member).ok()?).ok()?;
+            let count = |verdict| checks.iter().filter(|c| c.verdict == verdict).count();
+            let faults = (count(Verdict::Refuse), count(Verdict::Warn), *step);
+            Some((faults, member))
+        })
+    });
+    let judged: Vec<_> = judged.collect();
+    let best = judged.into_iter().min_by_key(|(faults, _)| *faults);
+    best.map(|(_, member)| member).ok_or_else(|| {
+        Error::Design(
+            "no weights that follow from the drive itself give a stable loop: state them in [cost]"
+                .into(),
+        )
+    })
 }
+
+/// What differs on a plant, by a factor.
+type Change<'a> = &'a dyn Fn(&mut Chain, f64);
 
 /// Whether the loop of a design, observers and all, still decays on plants whose springs, last load and force
 /// constant differ, each by itself.
@@ -117,8 +139,7 @@ fn lasts_elsewhere(design: &Design, omega: f64) -> Result<bool> {
         }
     };
     let force = |chain: &mut Chain, factor: f64| chain.force_constant *= factor;
-    let changes: [(&dyn Fn(&mut Chain, f64), f64); 3] =
-        [(&springs, 0.3), (&last, 0.5), (&force, 0.1)];
+    let changes: [(Change<'_>, f64); 3] = [(&springs, 0.3), (&last, 0.5), (&force, 0.1)];
     for (change, by) in changes {
         for factor in [1.0 - by, 1.0 + by] {
             let mut chain = design.chain.clone();
@@ -182,6 +203,7 @@ mod tests {
     /// change.
     #[test]
     fn gains_of_many_drives_pass_their_checks() {
+        let mut failing = Vec::new();
         for (loads, share, stiffness) in [
             (1, 6.0, 400.0),
             (2, 1.0, 2000.0),
@@ -207,7 +229,8 @@ mod tests {
                 .filter(|check| check.name != "samples_per_fastest_mode")
                 .map(|check| (check.name, check.value))
                 .collect();
-            assert_eq!(not, [], "{loads} {share} {stiffness}: {not:?}");
+            failing.extend((!not.is_empty()).then_some((loads, not)));
         }
+        assert!(failing.is_empty(), "{failing:?}");
     }
 }
