@@ -1,21 +1,33 @@
 //! The drive beside its rivals, on the same plants in the same run.
 //!
-//! A step under: the drive itself, its gain on the true state (the bound of that gain), on a Kalman
-//! filter of the encoder alone, and collocated PD on a step and on references shaped by ZV, ZVD and
-//! EI. The plants: as designed for, stiffness ±30 %, last load ±50 %, force constant ±10 %, the current
-//! one sample late, Coulomb friction. The rivals are tuned here, on the worst of the plants whose
-//! parameters differ (the encoder's filter on friction as well, which PD cannot remove); the drive is
-//! taken as designed.
+//! A step under: the drive as designed, and its gain on the true state; the drive with weights that are
+//! tuned here, a Kalman filter of the encoder alone with the drive's gain, and collocated PD, alone, with
+//! a notch, with a disturbance observer, and on references shaped by ZV, ZVD, EI and MZV.
+//!
+//! The named plants: as designed for, stiffness ±30 %, last load ±50 %, force constant ±10 %, the current
+//! one sample late, Coulomb friction. Beside them plants that are drawn at random and that no tuning sees, in
+//! which all of that comes together ([`held_out`]). Every law that is tuned is tuned by the same search
+//! with the same budget ([`tune`]), on the worst of the named plants whose parameters differ; what can remove
+//! friction on that plant as well.
+//!
+//! Runs, boxes and budgets follow from the slowest mode, the shortest time in which the motor can make the step,
+//! and the control period. So no row depends on the unit of time but that of PD + MZV, whose search may end in
+//! another optimum by rounding.
 
 mod bounds;
 mod encoder_observer;
+mod held_out;
+mod laws;
+mod notch;
 mod pd;
 mod shaper;
 mod tune;
 
 pub use bounds::bounds;
 pub use encoder_observer::Settings as EncoderSettings;
-pub use pd::Settings as PdSettings;
+pub use held_out::HeldOut;
+pub use notch::Settings as NotchSettings;
+pub use pd::{DisturbanceSettings, ReferenceSettings, Settings as PdSettings};
 pub use shaper::Shaper;
 
 use crate::design::Design;
@@ -24,10 +36,10 @@ use crate::error::{Error, Result};
 use crate::output::Progress;
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{SCENARIOS, Scenario};
-use crate::simulate::watch::{after, judged};
-use crate::simulate::{Control, Core, FullState, Law, Run, close_loop};
-use encoder_observer::EncoderObserver;
-use pd::Pd;
+use crate::simulate::watch::judged;
+use crate::simulate::{Law, close_loop};
+use laws::{Make, Tuned};
+use rayon::prelude::*;
 use serde::Serialize;
 
 /// One plant of the comparison.
@@ -61,12 +73,16 @@ pub struct Row {
     pub law: &'static str,
     /// What it was tuned to.
     pub tuning: Tuning,
+    /// What the tuning has made least: the criterion of the worst plant, s; none where nothing was tuned.
+    pub criterion: Option<f64>,
     /// One for each case.
     pub outcomes: Vec<Outcome>,
+    /// Over the plants that were drawn at random.
+    pub held_out: HeldOut,
 }
 
 /// What a law was tuned to.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tuning {
     /// As designed.
@@ -75,23 +91,70 @@ pub enum Tuning {
     Pd(PdSettings),
     /// The filter on the encoder.
     Encoder(EncoderSettings),
+    /// The drive's own law.
+    Weights(WeightSettings),
+}
+
+/// Weights of the drive's own law; that of the current is the drive's.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WeightSettings {
+    /// 1/m², actuator first.
+    pub position: Vec<f64>,
+    /// s²/m².
+    pub velocity: Vec<f64>,
+    /// Of the observer, see [`ObserverSettings`](crate::drive::ObserverSettings).
+    pub load_force_ratio: f64,
+    /// Of the observer, 1/s.
+    pub disturbance_rate: f64,
+}
+
+/// How much is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// Evaluations for each law that is tuned; each is a run on every plant that it is tuned on.
+    pub evaluations: usize,
+    /// Plants drawn at random.
+    pub plants: usize,
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self {
+            evaluations: 2000,
+            plants: 50,
+        }
+    }
 }
 
 /// Friction of the friction case where the drive has none, as a share of the motor's force.
 const FRICTION: f64 = 0.0155;
 
-/// Length of the runs, in periods of the slowest mode, and at least, s.
+/// Length of the runs: in periods of the slowest mode, in the shortest times in which the motor can make the
+/// step, and in control periods, whichever is longest.
 const PERIODS: f64 = 15.0;
-const SHORTEST: f64 = 1.2;
+const SHORTEST_MOVES: f64 = 15.0;
+const SAMPLES: f64 = 200.0;
+/// How long a loop is watched after that, over that length.
+const WATCHED: f64 = 2.4;
 /// Longest runs, in control periods: thousands of runs are made.
 const LONGEST: f64 = 50_000.0;
-
-/// How many laws there are.
-const LAWS: usize = 7;
+/// Longest runs, in control periods, of which as many are made as is asked for.
+const FULL: f64 = 2_500.0;
 
 /// The step that is compared: the paper's first.
 fn scenario() -> &'static Scenario {
     &SCENARIOS[0]
+}
+
+/// Coulomb friction of the friction case, N: the drive's own, or a share of the motor's force where it has
+/// none.
+fn coulomb(design: &Design) -> f64 {
+    let own = design.drive.friction.coulomb;
+    if own > 0.0 {
+        own
+    } else {
+        FRICTION * design.drive.actuator.largest_force()
+    }
 }
 
 /// The plants.
@@ -125,13 +188,7 @@ pub fn cases(design: &Design) -> Vec<Case> {
         }
     };
     let force = |factor: f64| move |plant: &mut PlantFile| plant.actuator.force_constant *= factor;
-    let actuator = &design.drive.actuator;
-    let own = design.drive.friction.coulomb;
-    let coulomb = if own > 0.0 {
-        own
-    } else {
-        FRICTION * actuator.largest_force()
-    };
+    let coulomb = coulomb(design);
     let unit = design.drive.kind.units().force;
     case("nominal", 0, true, &|_| ());
     case("k +30 %", 0, true, &stiffness(1.3));
@@ -160,8 +217,8 @@ pub fn require_comparable(design: &Design) -> Result<()> {
     let (duration, period) = (duration(design), design.drive.control.sample_time);
     if duration > LONGEST * period {
         return Err(Error::Comparison(format!(
-            "{PERIODS} periods of the slowest mode are {duration:.1} s, {:.0} control periods: at most \
-             {LONGEST} can be compared",
+            "a run of {duration:.1} s ({PERIODS} periods of the slowest mode, {SHORTEST_MOVES} times the \
+             shortest move) takes {:.0} control periods: at most {LONGEST} can be compared",
             duration / period
         )));
     }
@@ -170,163 +227,195 @@ pub fn require_comparable(design: &Design) -> Result<()> {
 
 /// All laws on all plants.
 ///
-/// * `progress`: told of each law as its turn comes
+/// * `progress`: told of each law as its turn comes, and how far its tuning is
 ///
 /// # Errors
-/// [`Error::Design`] or [`Error::Comparison`] when a rival cannot be formed, or the runs are too long.
-pub fn compare(design: &Design, progress: &Progress<'_>) -> Result<Vec<Row>> {
+/// [`Error::Comparison`] when the runs are too long, or no law can be formed in the whole box of a rival.
+pub fn compare(design: &Design, effort: Effort, progress: &Progress<'_>) -> Result<Vec<Row>> {
     require_comparable(design)?;
-    let cases = cases(design);
-    let duration = duration(design);
-    let target = scenario().target;
-    let period = design.drive.control.sample_time;
-    let run = |case: &Case, law, control: &mut dyn Control, duration: f64| {
-        let plant = (&case.plant, case.late);
-        close_loop(law, control, plant, scenario(), (period, duration))
-    };
-    let periods = (duration / period).round() as usize;
-    let row = |law: &'static str, tuning, make: &dyn Fn(&Case) -> Result<Box<dyn Control>>| {
-        let outcomes = cases.iter().map(|case| {
-            let result = make(case).and_then(|mut control| {
-                let law = Law::Rival(law);
-                let run = run(case, law, control.as_mut(), duration + after(period))?;
-                Ok(judged(run, periods).1)
-            });
-            Outcome {
-                case: case.name.clone(),
-                failure: result.as_ref().err().map(ToString::to_string),
-                metrics: result.ok(),
-            }
-        });
-        Row {
-            law,
-            tuning,
-            outcomes: outcomes.collect(),
+    let bench = Bench::new(design, effort);
+    let (designed, tuned) = (laws::designed(design), laws::tuned(design));
+    let count = designed.len() + tuned.len();
+    let mut rows = Vec::with_capacity(count);
+    for (law, make) in designed {
+        progress(rows.len(), count, law);
+        rows.push(bench.row(law, Tuning::Design, None, &make));
+    }
+    let mut plain: Option<Vec<f64>> = None;
+    for mut law in tuned {
+        let name = law.name;
+        if let (Some(plain), Some(neutral)) = (&plain, &law.neutral) {
+            law.space.starts.push([&plain[..], neutral].concat());
         }
-    };
-    // The longest over the plants that are tuned on; a law that cannot be formed is worst.
-    let worst = |with_friction: bool, make: &dyn Fn() -> Result<Box<dyn Control>>| {
-        let tuned = cases
-            .iter()
-            .filter(|case| case.tuned || (with_friction && case.plant.friction.coulomb > 0.0));
-        tuned
-            .map(|case| {
-                let result = make()
-                    .and_then(|mut control| run(case, Law::Rival(""), control.as_mut(), duration));
-                result.map_or(f64::INFINITY, |run: Run| tune::criterion(&run, duration))
-            })
-            .fold(0.0, f64::max)
-    };
-
-    progress(0, LAWS, "drive");
-    let mut rows = vec![
-        row("full state", Tuning::Design, &|_| {
-            Ok(Box::new(FullState::new(design, scenario())))
-        }),
-        row("drive", Tuning::Design, &|case| {
-            Ok(Box::new(Core::new(design, &case.plant, scenario())?))
-        }),
-    ];
-
-    progress(rows.len(), LAWS, "encoder filter");
-    let actuator = &design.drive.actuator;
-    let force = actuator.largest_force();
-    let settings = |point: &[f64]| EncoderSettings {
-        load_force: force * point[0].exp(),
-        disturbance: force * point[1].exp(),
-    };
-    let grid = [logarithms(1e-5, 1e-1, 5), logarithms(0.03, 30.0, 5)];
-    let best = tune::search(&grid, |point| {
-        worst(true, &|| {
-            let control = EncoderObserver::new(design, settings(point), target)?;
-            Ok(Box::new(control))
-        })
-    })?;
-    let best = settings(&best);
-    rows.push(row("encoder filter", Tuning::Encoder(best), &|_| {
-        Ok(Box::new(EncoderObserver::new(design, best, target)?))
-    }));
-
-    for (name, shaper) in [
-        ("PD", Shaper::None),
-        ("PD + ZV", Shaper::Zv),
-        ("PD + ZVD", Shaper::Zvd),
-        ("PD + EI", Shaper::Ei),
-    ] {
-        progress(rows.len(), LAWS, name);
-        let best = tuned_pd(design, shaper, |settings| {
-            worst(false, &|| {
-                Ok(Box::new(Pd::new(design, settings, shaper, target)))
-            })
+        let (point, criterion) = bench.tune(&law, &|made, of| {
+            progress(rows.len(), count, &format!("{name}, {made} of {of}"));
+        });
+        if law.neutral.is_some() {
+            plain.get_or_insert_with(|| point.clone());
+        }
+        let (tuning, make) = (law.form)(&point).map_err(|error| {
+            Error::Comparison(format!("{name} cannot be formed for this drive: {error}"))
         })?;
-        rows.push(row(name, Tuning::Pd(best), &|_| {
-            Ok(Box::new(Pd::new(design, best, shaper, target)))
-        }));
+        let criterion = criterion * design.drive.control.sample_time;
+        rows.push(bench.row(name, tuning, Some(criterion), &make));
     }
     Ok(rows)
 }
 
-/// Length of the runs, s.
+/// The plants, and how long a run takes on them.
+struct Bench {
+    cases: Vec<Case>,
+    drawn: Vec<Case>,
+    /// s.
+    period: f64,
+    /// Of a run, and of a run that is watched, s.
+    duration: f64,
+    watched: f64,
+    evaluations: usize,
+}
+
+impl Bench {
+    fn new(design: &Design, effort: Effort) -> Self {
+        let duration = duration(design);
+        Self {
+            cases: cases(design),
+            drawn: held_out::cases(design, coulomb(design), effort.plants),
+            period: design.drive.control.sample_time,
+            duration,
+            watched: (1.0 + WATCHED) * duration,
+            evaluations: evaluations(design, effort),
+        }
+    }
+
+    /// A law's figures on one plant.
+    fn judge(&self, law: &'static str, make: &Make<'_>, case: &Case) -> Outcome {
+        let periods = (self.duration / self.period).round() as usize;
+        let result = make(case).and_then(|mut control| {
+            let plant = (&case.plant, case.late);
+            let time = (self.period, self.watched);
+            let run = close_loop(Law::Rival(law), control.as_mut(), plant, scenario(), time)?;
+            Ok(judged(run, periods).1)
+        });
+        Outcome {
+            case: case.name.clone(),
+            failure: result.as_ref().err().map(ToString::to_string),
+            metrics: result.ok(),
+        }
+    }
+
+    /// The best point of a law's box, and its criterion in control periods.
+    ///
+    /// * `progress`: told of the evaluations made, and of how many
+    fn tune(&self, law: &Tuned<'_>, progress: &dyn Fn(usize, usize)) -> (Vec<f64>, f64) {
+        let of = self.evaluations;
+        let cost = |point: &[f64]| self.worst(law, point);
+        tune::search(&law.space, of, &cost, &|made| progress(made, of))
+    }
+
+    fn row(
+        &self,
+        law: &'static str,
+        tuning: Tuning,
+        criterion: Option<f64>,
+        make: &Make<'_>,
+    ) -> Row {
+        let on = |cases: &[Case]| -> Vec<Outcome> {
+            let outcomes = cases.par_iter().map(|case| self.judge(law, make, case));
+            outcomes.collect()
+        };
+        Row {
+            law,
+            tuning,
+            criterion,
+            outcomes: on(&self.cases),
+            held_out: HeldOut::new(&on(&self.drawn)),
+        }
+    }
+
+    /// The criterion of the worst plant that a law is tuned on, in control periods; a law that cannot be formed,
+    /// or whose motion ends beyond all bounds, is worse than any other.
+    fn worst(&self, law: &Tuned<'_>, point: &[f64]) -> f64 {
+        let lost = 10.0 * self.duration / self.period;
+        let Ok((_, make)) = (law.form)(point) else {
+            return lost;
+        };
+        let tuned = self.cases.iter().filter(|case| {
+            case.tuned || (law.removes_friction && case.plant.friction.coulomb > 0.0)
+        });
+        let each = tuned.map(|case| {
+            let result = make(case).and_then(|mut control| {
+                let (law, plant) = (Law::Rival(law.name), (&case.plant, case.late));
+                let time = (self.period, self.duration);
+                close_loop(law, control.as_mut(), plant, scenario(), time)
+            });
+            match result {
+                Ok(run) if run.fault.is_none() => tune::criterion(&run),
+                _ => lost,
+            }
+        });
+        each.fold(0.0, f64::max)
+    }
+}
+
+/// Evaluations for each law: as asked for, fewer in proportion where the runs are long.
+#[must_use]
+pub fn evaluations(design: &Design, effort: Effort) -> usize {
+    let periods = duration(design) / design.drive.control.sample_time;
+    let share = (FULL / periods).min(1.0);
+    (share * effort.evaluations as f64).ceil() as usize
+}
+
+/// Length of the runs, s: the longest of 15 periods of the slowest mode, 15 times the shortest move
+/// `2 √(s M / F)` of a rigid drive over the step `s`, and 200 control periods.
 #[must_use]
 pub fn duration(design: &Design) -> f64 {
+    let drive = &design.drive;
     let slowest = design.modes().first().map_or(1.0, |mode| mode.frequency_hz);
-    (PERIODS / slowest).max(SHORTEST)
-}
-
-/// The best PD law: bandwidth and damping of a rigid drive and, with a shaper, duration of the ramps
-/// and the shaper's frequency.
-fn tuned_pd(
-    design: &Design,
-    shaper: Shaper,
-    cost: impl Fn(PdSettings) -> f64,
-) -> Result<PdSettings> {
-    let slowest = design.modes().first().map_or(1.0, |mode| mode.frequency_hz);
-    let omega = std::f64::consts::TAU * slowest;
-    let period = design.drive.control.sample_time;
-    let settings = |point: &[f64]| {
-        let rigid = (omega * point[0].exp(), point[1].exp());
-        let ramp = point.get(2).map_or(period, |ramp| ramp.exp() / slowest);
-        let tuning = point.get(3).map_or(1.0, |tuning| tuning.exp());
-        PdSettings::new(design, rigid, ramp, tuning)
-    };
-    let grid = match shaper {
-        Shaper::None => vec![logarithms(0.2, 10.0, 12), logarithms(0.1, 3.0, 10)],
-        _ => vec![
-            logarithms(0.3, 8.0, 7),
-            logarithms(0.2, 2.0, 5),
-            logarithms(0.02, 1.5, 4),
-            vec![0.0],
-        ],
-    };
-    let best = tune::search(&grid, |point| settings(point).map_or(f64::INFINITY, &cost))?;
-    settings(&best)
-}
-
-/// Logarithms of `count` values from `first` to `last` in equal ratios.
-fn logarithms(first: f64, last: f64, count: u32) -> Vec<f64> {
-    let step = (last / first).ln() / f64::from(count - 1);
-    (0..count)
-        .map(|i| first.ln() + step * f64::from(i))
-        .collect()
+    let acceleration = drive.actuator.largest_force() / drive.total_mass();
+    let shortest = 2.0 * (scenario().target / acceleration).sqrt();
+    (PERIODS / slowest)
+        .max(SHORTEST_MOVES * shortest)
+        .max(SAMPLES * drive.control.sample_time)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::Drive;
+    use crate::drive::{Drive, Weights};
+    use crate::output::unwatched;
 
-    /// Another program computed full-state feedback and a PD law tuned for its worst settling time: the same figures for the first, and as good a worst case for the second.
+    fn row<'a>(rows: &'a [Row], name: &str) -> &'a Row {
+        rows.iter().find(|row| row.law == name).unwrap()
+    }
+
+    /// Settling time in ms and overshoot.
+    fn settled(row: &Row, case: &str) -> (Option<f64>, f64) {
+        let outcome = row.outcomes.iter().find(|outcome| outcome.case == case);
+        let metrics = outcome.unwrap().metrics.clone().unwrap();
+        (metrics.settling_time.map(|t| 1e3 * t), metrics.overshoot)
+    }
+
+    /// Another program computed full-state feedback, and searched PD for its worst settling time with another
+    /// global method: the same figures for the first, and as good a worst case for the second.
     #[test]
     fn figures_are_those_computed_elsewhere() {
         let design = Design::new(&Drive::default_drive()).unwrap();
-        let rows = compare(&design, &crate::output::unwatched).unwrap();
-        let row = |name: &str| rows.iter().find(|row| row.law == name).unwrap();
-        let settled = |row: &Row, case: &str| {
-            let outcomes = &row.outcomes;
-            let outcome = outcomes.iter().find(|outcome| outcome.case == case);
-            let metrics = outcome.unwrap().metrics.clone().unwrap();
-            (metrics.settling_time.map(|t| 1e3 * t), metrics.overshoot)
+        let effort = Effort {
+            evaluations: 800,
+            plants: 4,
         };
+        let bench = Bench::new(&design, effort);
+        let mut rows = Vec::new();
+        for (law, make) in laws::designed(&design) {
+            rows.push(bench.row(law, Tuning::Design, None, &make));
+        }
+        for law in laws::tuned(&design) {
+            if ["PD", "PD + notch"].contains(&law.name) {
+                let (point, criterion) = bench.tune(&law, &|_, _| ());
+                let (tuning, make) = (law.form)(&point).unwrap();
+                rows.push(bench.row(law.name, tuning, Some(criterion), &make));
+            }
+        }
         for (case, time, overshoot) in [
             ("nominal", 139.0, 0.6),
             ("k +30 %", 130.0, 0.3),
@@ -334,20 +423,94 @@ mod tests {
             ("load +50 %", 103.0, 1.0),
             ("k_f -10 %", 136.0, 1.6),
         ] {
-            let (settled, beyond) = settled(row("full state"), case);
+            let (settled, beyond) = settled(row(&rows, "full state"), case);
             assert!(
                 (settled.unwrap() - time).abs() <= 1.0,
                 "{case}: {settled:?}"
             );
             assert!((beyond - overshoot).abs() < 0.1, "{case}: {beyond}");
         }
-        let pd = ["nominal", "k +30 %", "k -30 %", "load +50 %", "k_f -10 %"]
-            .map(|case| settled(row("PD"), case).0.unwrap());
-        let worst = pd.into_iter().fold(0.0, f64::max);
-        assert!(worst <= 212.0, "{worst}");
+        let worst = |name: &str| {
+            let cases = bench.cases.iter().filter(|case| case.tuned);
+            let times = cases.map(|case| settled(row(&rows, name), &case.name));
+            times.fold((0.0, 0.0), |(most, beyond), (time, overshoot)| {
+                (f64::max(most, time.unwrap()), f64::max(beyond, overshoot))
+            })
+        };
+        let (pd, overshoot) = worst("PD");
+        assert!(pd <= 190.0 && overshoot <= 2.2, "{pd} {overshoot}");
+        let (notch, _) = worst("PD + notch");
+        assert!(notch <= 185.0, "{notch}");
         // Friction stops a PD law short of its target; the drive removes it.
         let friction = &rows[0].outcomes.last().unwrap().case;
-        assert_eq!(settled(row("PD"), friction).0, None);
-        assert!(settled(row("drive"), friction).0.unwrap() < 200.0);
+        assert_eq!(settled(row(&rows, "PD"), friction).0, None);
+        assert!(settled(row(&rows, "drive"), friction).0.unwrap() < 200.0);
+    }
+
+    /// The same physics with another unit of time, `factor` of which make a second.
+    fn in_another_unit(drive: &Drive, factor: f64) -> Drive {
+        let mut drive = drive.clone();
+        // Per unit of time, and per unit of time squared.
+        let (once, twice) = (1.0 * factor, factor * factor);
+        drive.actuator.force_constant *= twice;
+        for load in &mut drive.loads {
+            load.stiffness *= twice;
+            load.damping *= once;
+        }
+        drive.control.sample_time /= once;
+        drive.control.disturbance_cutoff *= once;
+        drive.control.reaction_force_cutoff *= once;
+        drive.observer.disturbance_rate *= once;
+        if let Weights::Given { velocity, .. } = &mut drive.cost.weights {
+            for weight in velocity {
+                *weight /= twice;
+            }
+        }
+        drive.motion = None;
+        drive
+    }
+
+    /// What a second is must not change who wins: every figure is the same in control periods.
+    #[test]
+    fn the_unit_of_time_changes_nothing() {
+        let effort = Effort {
+            evaluations: 30,
+            plants: 3,
+        };
+        let mut own = Drive::default_drive();
+        own.motion = None;
+        let other = in_another_unit(&own, 10.0);
+        let rows = [own, other].map(|drive| {
+            let design = Design::new(&drive).unwrap();
+            compare(&design, effort, &unwatched).unwrap()
+        });
+        let close = |what: &str, own: Option<f64>, other: Option<f64>, within: f64| {
+            let same = match (own, other) {
+                (Some(own), Some(other)) => (own - other).abs() <= within,
+                (own, other) => own == other,
+            };
+            assert!(same, "{what}: {own:?} {other:?}");
+        };
+        for (own, other) in rows[0].iter().zip(&rows[1]) {
+            let law = own.law;
+            let in_ms = |time: Option<f64>| time.map(|time| 1e3 * time);
+            let in_tenths = |time: Option<f64>| time.map(|time| 1e4 * time);
+            close(law, in_ms(own.criterion), in_tenths(other.criterion), 1.0);
+            for (own, other) in own.outcomes.iter().zip(&other.outcomes) {
+                let what = format!("{law}, {}", own.case);
+                let (own, other) = (
+                    own.metrics.as_ref().unwrap(),
+                    other.metrics.as_ref().unwrap(),
+                );
+                let times = (in_ms(own.settling_time), in_tenths(other.settling_time));
+                close(&what, times.0, times.1, 1.01);
+                assert_eq!(own.end.state, other.end.state, "{what}");
+                assert!((own.overshoot - other.overshoot).abs() < 0.1, "{what}");
+            }
+            let (own, other) = (&own.held_out, &other.held_out);
+            assert_eq!(own.not_settled, other.not_settled, "{law}");
+            close(law, in_ms(own.median), in_tenths(other.median), 1.01);
+            close(law, in_ms(own.worst), in_tenths(other.worst), 1.01);
+        }
     }
 }

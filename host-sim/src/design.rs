@@ -20,7 +20,7 @@ pub mod regulator;
 pub mod weights;
 
 use crate::chain::{Chain, Mode};
-use crate::drive::{Drive, MoveLimits};
+use crate::drive::{Drive, MoveLimits, Weights};
 use crate::error::{Error, Result};
 use crate::linear::dlqr;
 use crate::linear::eigen::{eigenvalues, spectral_radius};
@@ -39,7 +39,7 @@ use weights::PerformanceIndex;
 /// Gains of a drive in `f64`, with all that led to them.
 #[derive(Clone, Debug)]
 pub struct Design {
-    /// What was designed for.
+    /// What was designed for; weights that were left to the design are stated here.
     pub drive: Drive,
     /// Continuous model.
     pub chain: Chain,
@@ -63,10 +63,14 @@ impl Design {
     /// Designs regulator and observer for a drive.
     ///
     /// # Errors
-    /// [`Error::Input`] when no weights settle as fast as the drive file asks for,
+    /// [`Error::Input`] when no member of the family of weights settles as fast as the drive file asks for,
     /// [`Error::Design`] when the chain is too fast for the sample time, a Riccati equation has
-    /// no stabilising solution, or the result does not fit `f32`.
+    /// no stabilising solution, the result does not fit `f32`, or no weights that follow from the drive
+    /// pass its checks.
     pub fn new(drive: &Drive) -> Result<Self> {
+        if drive.cost.weights == Weights::Derived {
+            return Self::new(&weights::derived::stated(drive)?);
+        }
         let chain = chain_of(&drive.actuator, &drive.loads, drive.friction.viscous);
         let sample_time = drive.control.sample_time;
         let index = PerformanceIndex::new(&drive.cost, &chain, sample_time)?;

@@ -124,6 +124,21 @@ pub struct Cost {
     pub terminal: Vec<f64>,
 }
 
+impl Cost {
+    /// What a file without `[cost]` asks for: `R = 1 / i_max²`, all else from the drive.
+    ///
+    /// * `current_limit`: `i_max`, A
+    /// * `loads`: number of load masses
+    #[must_use]
+    pub fn derived(current_limit: f64, loads: usize) -> Self {
+        Self {
+            current: current_limit.powi(-2),
+            weights: Weights::Derived,
+            terminal: vec![0.0; 2 * loads + 2],
+        }
+    }
+}
+
 /// How the weights of the states are stated.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Weights {
@@ -134,6 +149,8 @@ pub enum Weights {
         /// s²/m².
         velocity: Vec<f64>,
     },
+    /// Left to the design, which finds them from the drive itself.
+    Derived,
     /// The paper's: potential and kinetic energy, times this, 1/J.
     Energy(f64),
     /// The mildest with which the controlled mass settles in time.
@@ -288,11 +305,10 @@ impl Drive {
             .ok_or_else(|| document.missing("[control]"))?;
         let control = document.control(control)?;
         let observer = document.observer(raw.observer.as_ref(), &control)?;
-        let cost = raw
-            .cost
-            .as_ref()
-            .ok_or_else(|| document.missing("[cost]"))?;
-        let cost = document.cost(cost, loads.len())?;
+        let cost = match &raw.cost {
+            Some(cost) => document.cost(cost, loads.len())?,
+            None => Cost::derived(actuator.current_limit, loads.len()),
+        };
         let motion = raw
             .motion
             .as_ref()

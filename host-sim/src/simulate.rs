@@ -5,9 +5,9 @@
 //! ```
 //!
 //! Before each experiment the core is commissioned on the same plant, as on the machine, under the forces that
-//! are always there. Beside
-//! it runs, on a plant of its own, feedback of the true state with the same gain
-//! `K`: the bound that no observer can beat.
+//! are always there. Beside it runs, on a plant of its own, the same gain `K` on the true state: what the
+//! drive would do if it knew the motion of every mass. That is no bound: errors of an observer can happen to
+//! make a motion settle sooner.
 
 pub mod bound;
 pub mod corridor;

@@ -86,7 +86,7 @@ fn a_rotary_drive_is_in_its_own_units() {
                 "excitation.rs",
             ],
         ),
-        good(at, &rotary, &["compare", "drive.toml"]),
+        good(at, &rotary, &THIN),
     ];
     for (found, expected) in written.iter().zip([
         "position gain [A/rad]",
@@ -210,12 +210,22 @@ fn the_gain_over_the_time_to_go_is_plotted() {
     assert_eq!((code, error.lines().count()), (1, 1), "{error}");
 }
 
+/// A comparison that is made quickly.
+const THIN: [&str; 6] = [
+    "compare",
+    "drive.toml",
+    "--evaluations",
+    "20",
+    "--plants",
+    "2",
+];
+
 /// Every law on every plant; the table says what the JSON says.
 #[test]
 fn rivals_are_compared_on_the_same_plants() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
-    let value = json(at, DRIVE, &["compare", "drive.toml"]);
+    let value = json(at, DRIVE, &THIN);
     let laws = value["laws"].as_array().unwrap();
     let names: Vec<_> = laws
         .iter()
@@ -226,11 +236,15 @@ fn rivals_are_compared_on_the_same_plants() {
         [
             "full state",
             "drive",
+            "drive, tuned",
             "encoder filter",
             "PD",
+            "PD + notch",
+            "PD + observer",
             "PD + ZV",
             "PD + ZVD",
-            "PD + EI"
+            "PD + EI",
+            "PD + MZV"
         ]
     );
     let cases = |law: &Value| -> Vec<String> {
@@ -242,6 +256,7 @@ fn rivals_are_compared_on_the_same_plants() {
     };
     assert_eq!(cases(&laws[0]).len(), 9);
     assert!(laws.iter().all(|law| cases(law) == cases(&laws[0])));
+    assert!(laws.iter().all(|law| law["held_out"]["plants"] == 2));
     // The same experiment as the main job's.
     let arguments = ["simulate", "drive.toml", "--scenario", "fig3", "--out", "."];
     let main = json(at, DRIVE, &arguments);
@@ -262,7 +277,7 @@ fn rivals_are_compared_on_the_same_plants() {
             assert!(times.is_none_or(|times| times > 1.0));
         }
     }
-    let text = good(at, DRIVE, &["compare", "drive.toml"]);
+    let text = good(at, DRIVE, &THIN);
     for name in names {
         assert!(text.contains(&format!("| {name} ")), "{name}: {text}");
     }

@@ -1,19 +1,20 @@
-//! Collocated PD on the encoder, with or without a shaped reference: what a drive without a load model
-//! does.
+//! Collocated PD on the encoder: what a drive without a load model does, with what such drives add to it.
 //!
 //! ```text
-//! i = k_p (r − x_a) + k_d (dr/dt − v_a)
+//! i = N (k_p (r − x_a) + k_d (dr/dt − v_a)) + d_hat / k_f
 //! ```
 //!
 //! The velocity goes through the drive's own filter and the command through its limiter. The
-//! reference is a step drawn out into a ramp, one after the other for each part of the shaper.
+//! reference is a step drawn out into a ramp, one after the other for each part of the shaper. `N` is a
+//! notch and `d_hat` the disturbance of eq. (19) with a mass and a cutoff of its own; each is one where it is
+//! used, and otherwise there is none.
 
+use super::notch::{self, Notch};
 use super::shaper::Shaper;
 use crate::design::Design;
-use crate::design::checks::collocated_loop;
 use crate::error::{Error, Result};
-use crate::linear::eigen::eigenvalues;
 use crate::simulate::{Control, ControlOutput};
+use arso_core::actuator::Actuator;
 use arso_core::disturbance::{self, DisturbanceObserver};
 use arso_core::encoder::{self, Encoder};
 use arso_core::limits::Limits;
@@ -27,96 +28,119 @@ pub struct Settings {
     pub position_gain: f64,
     /// A s/m.
     pub velocity_gain: f64,
-    /// Duration of each ramp, s.
+    /// What the step is made of; none for the step as it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<ReferenceSettings>,
+    /// Filter of the command.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub notch: Option<notch::Settings>,
+    /// Disturbance that is compensated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub disturbance: Option<DisturbanceSettings>,
+}
+
+/// A shaped reference.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ReferenceSettings {
+    /// Duration of each ramp, s; one control period at the least.
     pub ramp: f64,
-    /// Frequency the shaper is made for, rad/s, and its damping ratio; of no meaning without one.
+    /// Frequency that the shaper is made for, rad/s.
     pub frequency: f64,
-    /// See `frequency`.
+    /// Damping ratio that it is made for.
     pub damping: f64,
 }
 
-/// Damping ratio beyond which a closed loop does not vibrate.
-const VIBRATES: f64 = 0.8;
+/// A disturbance observer beside a PD law.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct DisturbanceSettings {
+    /// rad/s.
+    pub cutoff: f64,
+    /// Mass that it takes the drive for, kg.
+    pub mass: f64,
+}
 
 impl Settings {
-    /// * `bandwidth`, `damping`: of a rigid drive, rad/s and ratio
-    /// * `ramp`: s, one control period at the least
-    /// * `tuning`: the shaper's frequency over that of the slowest vibration of the closed loop
+    /// Gains that give a rigid drive of mass `M` a bandwidth and a damping ratio,
+    /// `k_p = ω² M / k_f` and `k_d = 2 ζ ω M / k_f`, without anything beside them.
     ///
-    /// # Errors
-    /// [`Error::Design`] when the poles of the closed loop cannot be computed.
-    pub fn new(
-        design: &Design,
-        (bandwidth, damping): (f64, f64),
-        ramp: f64,
-        tuning: f64,
-    ) -> Result<Self> {
-        let period = design.drive.control.sample_time;
+    /// * `bandwidth`: `ω`, rad/s
+    /// * `damping`: `ζ`
+    #[must_use]
+    pub fn new(design: &Design, bandwidth: f64, damping: f64) -> Self {
         let per_acceleration = design.drive.total_mass() / design.chain.force_constant;
-        let position_gain = bandwidth * bandwidth * per_acceleration;
-        let velocity_gain = 2.0 * damping * bandwidth * per_acceleration;
-        let poles = eigenvalues(&collocated_loop(design, position_gain, velocity_gain))?;
-        let (frequency, damping) = poles
-            .iter()
-            .filter(|pole| pole.im > 0.0)
-            .map(|pole| pole.ln() / period)
-            .map(|pole| (pole.norm(), -pole.re / pole.norm()))
-            .filter(|(_, damping)| *damping < VIBRATES)
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .unwrap_or((bandwidth, VIBRATES));
-        Ok(Self {
-            position_gain,
-            velocity_gain,
-            ramp: ramp.max(period),
-            frequency: frequency * tuning,
-            damping: damping.max(0.0),
-        })
+        Self {
+            position_gain: bandwidth * bandwidth * per_acceleration,
+            velocity_gain: 2.0 * damping * bandwidth * per_acceleration,
+            reference: None,
+            notch: None,
+            disturbance: None,
+        }
     }
 }
 
 /// The law.
 pub(crate) struct Pd {
     settings: Settings,
+    /// Share and start of each part of the reference, and the duration of its ramp, in control periods, in which
+    /// a ramp of one period is exactly that.
     parts: Vec<(f64, f64)>,
+    ramp: f64,
     target: f64,
     period: f64,
     limits: Limits,
     encoder: (Encoder, encoder::Memory),
     filter: (DisturbanceObserver, disturbance::Memory),
+    notch: Option<Notch>,
+    disturbance: Option<(DisturbanceObserver, disturbance::Memory)>,
+    /// N/A.
+    force_constant: f64,
     samples: u32,
 }
 
 impl Pd {
     pub(crate) fn new(design: &Design, settings: Settings, shaper: Shaper, target: f64) -> Self {
         let control = &design.drive.control;
+        let observer = |actuator: &Actuator, cutoff: f64| {
+            let period = control.sample_time as f32;
+            let observer = DisturbanceObserver::new(actuator, cutoff as f32, period);
+            (observer, disturbance::Memory::default())
+        };
+        let actuator = design.actuator();
         Self {
-            parts: shaper.parts(settings.frequency, settings.damping),
+            parts: settings.reference.map_or_else(
+                || vec![(1.0, 0.0)],
+                |shaped| shaper.parts(shaped.frequency * control.sample_time, shaped.damping),
+            ),
+            ramp: settings
+                .reference
+                .map_or(1.0, |shaped| (shaped.ramp / control.sample_time).max(1.0)),
             settings,
             target,
             period: control.sample_time,
             limits: design.limits(),
             encoder: (design.encoder(), encoder::Memory::default()),
-            filter: (
-                DisturbanceObserver::new(
-                    &design.actuator(),
-                    control.disturbance_cutoff as f32,
-                    control.sample_time as f32,
-                ),
-                disturbance::Memory::default(),
-            ),
+            filter: observer(&actuator, control.disturbance_cutoff),
+            notch: settings
+                .notch
+                .map(|notch| Notch::new(&notch, control.sample_time)),
+            disturbance: settings.disturbance.map(|disturbance| {
+                let mass = disturbance.mass as f32;
+                observer(&Actuator { mass, ..actuator }, disturbance.cutoff)
+            }),
+            force_constant: design.chain.force_constant,
             samples: 0,
         }
     }
 
-    /// Reference and its velocity.
-    fn reference(&self, time: f64) -> (f64, f64) {
+    /// Reference and its velocity, m and m/s, after so many control periods.
+    fn reference(&self, periods: f64) -> (f64, f64) {
         let (mut position, mut velocity) = (0.0, 0.0);
         for (share, start) in &self.parts {
             let part = share * self.target;
-            let done = ((time - start) / self.settings.ramp).clamp(0.0, 1.0);
+            let done = ((periods - start) / self.ramp).clamp(0.0, 1.0);
             position += part * done;
             if done > 0.0 && done < 1.0 {
-                velocity += part / self.settings.ramp;
+                velocity += part / (self.ramp * self.period);
             }
         }
         (position, velocity)
@@ -133,10 +157,17 @@ impl Control for Pd {
             .step(&mut self.filter.1, reading.displacement, current);
         // The first sample already sees the first part of the ramp, as a step is seen.
         self.samples += 1;
-        let (position, velocity) = self.reference(f64::from(self.samples) * self.period);
+        let (position, velocity) = self.reference(f64::from(self.samples));
         let measured = self.encoder.0.position(reading.place);
-        let command = self.settings.position_gain * (position - f64::from(measured.0))
+        let mut command = self.settings.position_gain * (position - f64::from(measured.0))
             + self.settings.velocity_gain * (velocity - f64::from(seen.velocity.0));
+        if let Some(notch) = &mut self.notch {
+            command = notch.step(command);
+        }
+        if let Some((observer, memory)) = &mut self.disturbance {
+            let seen = observer.step(memory, reading.displacement, current);
+            command += f64::from(seen.force.0) / self.force_constant;
+        }
         let limited = self
             .limits
             .step(Current(command as f32))

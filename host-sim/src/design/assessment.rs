@@ -79,11 +79,23 @@ impl Assessment {
 }
 
 /// The checks, those of the loop among them, and the margins of the drive's loop where it is stable.
-fn judged(design: &Design) -> Result<(Vec<Check>, Option<Margins>)> {
+pub(super) fn judged(design: &Design) -> Result<(Vec<Check>, Option<Margins>)> {
+    judged_by(design, loop_margins::of_drive)
+}
+
+/// The checks, the margins at a first look: what it finds wrong is wrong.
+pub(super) fn at_first_look(design: &Design) -> Result<Vec<Check>> {
+    Ok(judged_by(design, loop_margins::of_drive_at_first_look)?.0)
+}
+
+fn judged_by(
+    design: &Design,
+    margins: impl Fn(&Design) -> Result<Margins>,
+) -> Result<(Vec<Check>, Option<Margins>)> {
     let mut checks = checks(design)?;
     let closed_loop = closed_loop(design)?;
     let stable = closed_loop.verdict != Verdict::Refuse;
-    let margins = stable.then(|| loop_margins::of_drive(design)).transpose()?;
+    let margins = stable.then(|| margins(design)).transpose()?;
     checks.push(closed_loop);
     checks.extend(margins.iter().flat_map(of_margins));
     Ok((checks, margins))

@@ -19,22 +19,44 @@ type C = Complex<f64>;
 /// [`Error::Design`](crate::error::Error::Design) when the response cannot be computed.
 pub fn of_drive(design: &Design) -> Result<Margins> {
     let drive = DriveLoop::new(design);
-    of(design, |z, plant| {
+    of(design, Look::Close, |z, plant| {
         drive.response(z).map(|response| response * plant[0])
     })
 }
 
-/// Of feedback of the true state with the same gain: the bound.
+/// A first look at the same, see [`Margins::coarse`].
+///
+/// # Errors
+/// As [`of_drive`].
+pub fn of_drive_at_first_look(design: &Design) -> Result<Margins> {
+    let drive = DriveLoop::new(design);
+    of(design, Look::First, |z, plant| {
+        drive.response(z).map(|response| response * plant[0])
+    })
+}
+
+/// How closely a loop is looked at.
+#[derive(Clone, Copy)]
+enum Look {
+    First,
+    Close,
+}
+
+/// Of the same gain on the true state.
 ///
 /// # Errors
 /// As [`of_drive`].
 pub fn of_full_state(design: &Design) -> Result<Margins> {
     let gain = design.regulator.map(C::from);
-    of(design, |_, plant| Some(-(&gain * plant).x))
+    of(design, Look::Close, |_, plant| Some(-(&gain * plant).x))
 }
 
 /// `command`: command in answer to the plant's state, so that `L = −command`.
-fn of(design: &Design, command: impl Fn(C, &DVector<C>) -> Option<C>) -> Result<Margins> {
+fn of(
+    design: &Design,
+    look: Look,
+    command: impl Fn(C, &DVector<C>) -> Option<C>,
+) -> Result<Margins> {
     let period = design.drive.control.sample_time;
     let (ad, bd) = (design.ad.map(C::from), design.bd.map(C::from));
     let response = |omega: f64| -> Option<C> {
@@ -44,7 +66,11 @@ fn of(design: &Design, command: impl Fn(C, &DVector<C>) -> Option<C>) -> Result<
         command(z, &state).map(|command| -command)
     };
     let nyquist = std::f64::consts::PI / period;
-    Ok(Margins::new(response, nyquist, design.regulator_decay()?)?)
+    let slowest = design.regulator_decay()?;
+    Ok(match look {
+        Look::First => Margins::coarse(response, nyquist, slowest)?,
+        Look::Close => Margins::new(response, nyquist, slowest)?,
+    })
 }
 
 #[cfg(test)]

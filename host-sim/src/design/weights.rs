@@ -1,8 +1,9 @@
 //! The weights of the performance index (2), from however the description states them.
 //!
 //! Given ones are taken as they are, the paper's follow from the energies of the chain, those of a
-//! settling time are searched for (`settling`).
+//! settling time are searched for (`settling`), and so are those of a drive that states none (`derived`).
 
+pub(super) mod derived;
 mod settling;
 
 use crate::chain::Chain;
@@ -26,11 +27,16 @@ impl PerformanceIndex {
     /// * `sample_time`: s
     ///
     /// # Errors
-    /// [`Error::Input`] when no weights settle as fast as it asks for.
+    /// [`Error::Input`] when no member of the family of weights settles as fast as it asks for,
+    /// [`Error::Design`] where it asks for weights that follow from the whole drive.
     pub fn new(cost: &Cost, chain: &Chain, sample_time: f64) -> Result<Self> {
         let current = cost.current;
         let (position, velocity) = match &cost.weights {
             Weights::Given { position, velocity } => (position.clone(), velocity.clone()),
+            Weights::Derived => {
+                let message = "weights that follow from the drive are found with its whole design";
+                return Err(Error::Design(message.into()));
+            }
             Weights::Energy(scale) => energy(chain, *scale),
             Weights::SettlingTime { seconds, place } => {
                 let found = settling::weights(chain, current, sample_time, *seconds);

@@ -29,7 +29,8 @@ pub(super) struct RawFile {
     pub(super) control: Option<RawControl>,
     /// How the state observer is designed.
     pub(super) observer: Option<RawObserver>,
-    /// The performance index, eq. (2): position and velocity, or energy alone, or `settling_time` alone.
+    /// The performance index, eq. (2): position and velocity, or energy alone, or `settling_time` alone; weights
+    /// that follow from the drive when absent.
     #[schemars(with = "Option<RawCost>")]
     pub(super) cost: Option<Spanned<RawCost>>,
     /// Limits of a planned move; derived from current limit and slowest mode when absent.
@@ -275,7 +276,7 @@ pub fn schema(plant: bool) -> Value {
     schema["properties"]["load"]["maxItems"] = json!(super::MAX_LOADS);
     let mut required = vec!["actuator", "encoder", "load"];
     if !plant {
-        required.extend(["control", "cost"]);
+        required.push("control");
         if let Some(properties) = schema["properties"].as_object_mut() {
             properties.remove("force");
         }
@@ -333,14 +334,12 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_file_has_no_force_and_needs_a_cost() {
+    fn a_drive_file_has_no_force_and_needs_no_cost() {
         let drive = schema(false);
         assert!(drive["properties"].get("force").is_none());
-        assert!(
-            drive["required"]
-                .as_array()
-                .unwrap()
-                .contains(&json!("cost"))
+        assert_eq!(
+            drive["required"],
+            json!(["actuator", "encoder", "load", "control"])
         );
         assert_eq!(drive["additionalProperties"], json!(false));
         let observer = &drive["$defs"]["RawControl"]["properties"]["observer"];

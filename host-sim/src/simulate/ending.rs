@@ -6,9 +6,8 @@
 use super::{Run, Sample};
 use serde::Serialize;
 
-/// The last part of a run that is looked at: this share of it, and this long at least, s.
+/// The last part of a run that is looked at, as a share of it.
 const SHARE: f64 = 0.2;
-const SHORTEST: f64 = 0.2;
 
 /// What may move at the end of a run and still counts as at rest, peak to peak: 50 um (urad), a third of the
 /// narrowest band of the experiments, or two encoder counts where those are more. Within two counts the
@@ -56,7 +55,7 @@ impl Ending {
     pub fn new(run: &Run, controlled: usize) -> Self {
         let samples = &run.samples;
         let last = samples.last().map_or(0.0, |sample| sample.time);
-        let from = last - (SHARE * last).max(SHORTEST);
+        let from = last - SHARE * last;
         let end = &samples[samples.partition_point(|sample| sample.time < from)..];
         let target = run.scenario.target;
         let tolerance = STILL.max(STILL_COUNTS * run.resolution);

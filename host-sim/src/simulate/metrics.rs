@@ -11,8 +11,9 @@ use serde::Serialize;
 /// and does not count as settled.
 pub const HELD: f64 = 0.1;
 
-/// Residual vibration is measured from here on, s, or from the settling time if that is later.
-pub const RESIDUAL_FROM: f64 = 0.5;
+/// Residual vibration is measured from this share of the run on, or from the settling time if that is
+/// later.
+pub const RESIDUAL_FROM: f64 = 5.0 / 12.0;
 
 /// Figures of one run, SI units.
 #[derive(Clone, Debug, Serialize)]
@@ -42,7 +43,7 @@ pub struct Metrics {
 }
 
 /// Element of the state that is the controlled mass's position.
-pub(super) fn controlled(run: &Run) -> usize {
+pub(crate) fn controlled(run: &Run) -> usize {
     motion(run).0
 }
 
@@ -82,6 +83,32 @@ pub fn settling_time(run: &Run, band: f64) -> Option<f64> {
         .map(|sample| sample.time)
 }
 
+/// The same between the samples, in control periods; where it does not settle, its mean distance from the
+/// target over the end of the run that would have to be held, over the span.
+///
+/// # Errors
+/// That distance.
+pub(crate) fn settled_after(run: &Run, band: f64) -> Result<f64, f64> {
+    let (controlled, target, span) = motion(run);
+    let samples = &run.samples;
+    let error = |k: usize| (samples[k].truth[controlled] - target) / span;
+    let Some(last) = (0..samples.len()).rev().find(|k| {
+        // Written so that what is no number is outside.
+        let inside = error(*k).abs() <= band;
+        !inside
+    }) else {
+        return Ok(0.0);
+    };
+    let held = (HELD * samples.len() as f64).ceil() as usize;
+    let end = samples.len() - held.min(samples.len());
+    if last >= end {
+        let off: f64 = (end..samples.len()).map(|k| error(k).abs()).sum();
+        return Err(off / held as f64);
+    }
+    let (before, after) = (error(last), error(last + 1));
+    Ok(last as f64 + (before.abs() - band) / (before - after).abs())
+}
+
 impl Metrics {
     /// Judges a run.
     #[must_use]
@@ -96,8 +123,9 @@ impl Metrics {
             .map(|s| (s.truth[controlled] - target) / span);
 
         let window = within_band_from.map(|settled| {
-            let from = settled.max(RESIDUAL_FROM);
-            &samples[samples.partition_point(|sample| sample.time < from)..]
+            let late = (RESIDUAL_FROM * samples.len() as f64).round() as usize;
+            let from = samples.partition_point(|sample| sample.time < settled);
+            &samples[from.max(late)..]
         });
         let window = window.filter(|window| !window.is_empty());
         let peak_to_peak = |element: usize| {

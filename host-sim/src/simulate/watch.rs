@@ -37,7 +37,7 @@ pub fn watched(
 }
 
 /// How long a loop is watched after the experiment, s.
-pub(crate) fn after(period: f64) -> f64 {
+fn after(period: f64) -> f64 {
     WATCHED.min(LONGEST * period)
 }
 

@@ -78,13 +78,19 @@ pub fn weights(
         "none was found that settles".into()
     };
     Err(format!(
-        "no weights settle this chain that fast at this sample_time; {found}"
+        "equal weights on all masses do not settle this chain that fast at this sample_time ({found}); \
+         cost.position and cost.velocity of their own for each mass may"
     ))
 }
 
 /// When the controlled mass enters the band around a step's target for good, s; infinite when not
 /// within the horizon. Where the time asked for is many control periods, every so many are looked at.
-fn settles(chain: &Chain, gain: &RowDVector<f64>, sample_time: f64, settling_time: f64) -> f64 {
+pub(super) fn settles(
+    chain: &Chain,
+    gain: &RowDVector<f64>,
+    sample_time: f64,
+    settling_time: f64,
+) -> f64 {
     let (f, g) = zero_order_hold(&chain.a(), &chain.b(), sample_time);
     let every = (settling_time / sample_time / INSTANTS).floor().max(1.0);
     let closed = (f - g * gain).pow(every as u32);
