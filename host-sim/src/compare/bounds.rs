@@ -2,9 +2,8 @@
 
 use super::{Case, cases, scenario};
 use crate::design::Design;
-use crate::error::NoSolution;
 use crate::simulate::bound::{Bound, bound};
-use std::thread;
+use rayon::prelude::*;
 
 /// The least time on each of [`cases`], in their order, found side by side; a current that comes late makes it
 /// so much longer.
@@ -18,14 +17,5 @@ pub fn bounds(design: &Design) -> Vec<Bound> {
         found.rest += late;
         Ok(found)
     };
-    let of = &of;
-    let cases = cases(design);
-    thread::scope(|scope| {
-        let each = cases.iter().map(|case| scope.spawn(move || of(case)));
-        let each: Vec<_> = each.collect();
-        let ended = |_| NoSolution("the search for the least time ended by itself".into());
-        each.into_iter()
-            .map(|search| search.join().unwrap_or_else(|why| Err(ended(why))))
-            .collect()
-    })
+    cases(design).par_iter().map(of).collect()
 }

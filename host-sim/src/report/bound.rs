@@ -5,7 +5,7 @@ use crate::chain::controlled_mass;
 use crate::chain::minimum_time::MinimumTime;
 use crate::drive::{Drive, PlantFile};
 use crate::output::significant;
-use crate::simulate::bound::{Bound, times};
+use crate::simulate::bound::{Bound, current_limit, times};
 use comfy_table::Cell;
 use serde_json::json;
 
@@ -45,10 +45,7 @@ pub fn text(drive: &Drive, plant: &PlantFile, distance: f64, bound: &MinimumTime
         Cell::new("all masses are at rest"),
         milliseconds(bound.rest),
     ]);
-    let limit = drive
-        .actuator
-        .current_limit
-        .min(plant.actuator.current_limit);
+    let limit = current_limit(drive, plant);
     let mut text = format!(
         "Step of {} {} with at most {limit} A, held over control periods of {} ms.\n\n{table}\n\n\
          No control does it sooner, whatever it knows: without friction and forces from outside, the current \
@@ -78,7 +75,7 @@ pub fn json(
     json!({
         "kind": drive.kind,
         "distance": distance,
-        "current_limit": drive.actuator.current_limit.min(plant.actuator.current_limit),
+        "current_limit": current_limit(drive, plant),
         "settled": bound.settled,
         "rest": bound.rest,
         "hold": bound.hold,

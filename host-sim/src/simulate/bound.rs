@@ -21,16 +21,22 @@ pub type Bound = Result<MinimumTime>;
 /// [`NoSolution`](crate::error::NoSolution) as [`minimum_time`].
 pub fn bound(drive: &Drive, plant: &PlantFile, scenario: &Scenario) -> Bound {
     let chain = chain_of(&plant.actuator, &plant.loads, plant.friction.viscous);
-    let limits = [&plant.actuator, &drive.actuator].map(|actuator| actuator.current_limit);
     minimum_time(&Task {
         chain: &chain,
         start: &scenario.initial_state(&chain),
         target: scenario.target,
-        current_limit: limits[0].min(limits[1]),
+        current_limit: current_limit(drive, plant),
         period: drive.control.sample_time,
         controlled: controlled_mass(chain.loads()),
         band: SETTLING_BAND,
     })
+}
+
+/// Most current that both the drive asks for and the plant's amplifier gives, A.
+#[must_use]
+pub fn current_limit(drive: &Drive, plant: &PlantFile) -> f64 {
+    let (asked, given) = (&drive.actuator, &plant.actuator);
+    asked.current_limit.min(given.current_limit)
 }
 
 /// How many times the bound a settling time is.
