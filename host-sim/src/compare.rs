@@ -6,8 +6,8 @@
 //!
 //! The named plants: as designed for, stiffness ±30 %, last load ±50 %, force constant ±10 %, the current
 //! one sample late, Coulomb friction. Beside them plants that are drawn at random and that no tuning sees, in
-//! which all of that comes together ([`held_out`]). Every law that is tuned is tuned by the same search
-//! with the same budget ([`tune`]), on the worst of the named plants whose parameters differ; what can remove
+//! which all of that comes together (`held_out`). Every law that is tuned is tuned by the same search
+//! with the same budget (`tune`), on the worst of the named plants whose parameters differ; what can remove
 //! friction on that plant as well.
 //!
 //! Runs, boxes and budgets follow from the slowest mode, the shortest time in which the motor can make the step,

@@ -8,18 +8,18 @@
 //! rest      every mass is at rest at the target
 //! ```
 //!
-//! Whether a time is enough is a linear programme ([`programme`]); the least one is searched for. It is the
+//! Whether a time is enough is a linear programme (`programme`); the least one is searched for. It is the
 //! bound of feedback, feed-forward and reference alike, for the chain without Coulomb friction (which may help
 //! to brake), forces from outside or delay, and with a current that is not rounded.
 //!
 //! After settling the current stays free, and the masses beyond the controlled one may swing, but not for ever:
-//! all are to be at rest [`PERIODS`] periods of the slowest mode later, or half the least time to rest later
+//! all are to be at rest `PERIODS` periods of the slowest mode later, or half the least time to rest later
 //! where that is more. The horizon is part of the definition. With a longer one the controlled mass could be held
 //! in its band while the last mass swings ever wilder beside it (default drive, 30 mm: 57 ms with this horizon,
 //! 55 ms with a third more, 51 ms with twice, 43 ms with two and two thirds as much), which no one would call
 //! settled.
 //!
-//! Where a horizon would have more than [`HOLDS`] periods, the current is held over several of them, and the
+//! Where a horizon would have more than `HOLDS` periods, the current is held over several of them, and the
 //! first hold is shorter, so that every whole number of periods can still be told. Such a time can be kept, as
 //! far as the band is kept between the instants at which it is looked at (eight in a hold at most), so it is an
 //! upper estimate of the bound. How far above is not known in general; for the default drive at control periods
