@@ -17,6 +17,8 @@ pub enum SettingsError {
     Deviation,
     /// The lower end of the travel must lie below the upper one.
     Travel,
+    /// The rows of a plan must lie in the table, and each displacement reach farther than the one before.
+    Plans,
     /// There must be at least one load.
     NoLoad,
 }
@@ -32,6 +34,9 @@ impl fmt::Display for SettingsError {
                 "nominal mass and force constant plus their deviations must be positive",
             ),
             Self::Travel => f.write_str("the lower end of the travel must lie below the upper one"),
+            Self::Plans => f.write_str(
+                "the rows of a plan must lie in the table, and each reach farther than the one before",
+            ),
             Self::NoLoad => f.write_str("there must be at least one load"),
         }
     }

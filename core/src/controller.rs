@@ -5,7 +5,7 @@
 //! else between two periods but [`Controller::request`].
 //!
 //! Every position in the loop is relative to the target, a whole count: the drive is as exact a million turns
-//! from zero as at zero. The command is `i = i_ff − K (x_hat − x_ref) + d / k_f`, limited; a value that is not finite
+//! from zero as at zero. The command is `i = i_ff − K (x_hat − x_ref) + (f_fric + d) / k_f`, limited; a value that is not finite
 //! anywhere ends in a fault and zero current.
 
 mod activity;
@@ -16,20 +16,24 @@ use crate::disturbance::DisturbanceObserver;
 use crate::encoder::{self, Encoder, Reading};
 use crate::excitation::Excitation;
 use crate::fault::{Fault, Reaction};
+use crate::friction::FrictionFeedForward;
 use crate::limits::Limits;
 use crate::link::{Reason, Refusal, Request};
 use crate::mode::Mode;
-use crate::moves::rigid::{self, RigidMoves};
-use crate::observer::{Seen, StateObserver};
+use crate::moves::plans::Plans;
+use crate::moves::{self, Moves, Reference};
+use crate::observer::{Estimate, Seen, StateObserver};
 use crate::protection::{Heat, Period, Protection, Trip};
 use crate::reaction_force::ReactionForceObserver;
 use crate::regulator::Regulator;
 use crate::rest::Rest;
 use crate::settings::Settings;
+use crate::standstill::{self, Standstill};
 use crate::telemetry::Telemetry;
-use crate::units::{Counts, Current, Force, Place, Position};
+use crate::units::{Counts, Current, Force, Place, Position, Velocity};
 use activity::{
-    Activity, Commissioning, ExcitationStart, Exciting, Loop, Running, Start, Stopping,
+    Activity, Commissioning, ExcitationStart, Exciting, Expected, Fed, Loop, Running, Start,
+    Stopping,
 };
 
 /// What the drive measures once per period.
@@ -55,8 +59,8 @@ pub struct Command {
 /// The control corridor of a drive with `N` load masses and the state observer `O`.
 #[derive(Clone, Debug)]
 #[repr(C)]
-pub struct Controller<const N: usize, O: StateObserver<N>> {
-    parts: Parts<N, O>,
+pub struct Controller<'p, const N: usize, O: StateObserver<N>> {
+    parts: Parts<'p, N, O>,
     /// What can be played.
     excitation: Option<Excitation>,
     encoder: encoder::Memory,
@@ -68,18 +72,20 @@ pub struct Controller<const N: usize, O: StateObserver<N>> {
     telemetry: Telemetry<[f32; N]>,
     /// The parts once more: what a disturbed memory changes shows as a difference. Last, because what is used
     /// in each period lies where one instruction reaches it.
-    copy: Parts<N, O>,
+    copy: Parts<'p, N, O>,
 }
 
 /// The coefficients of every part.
 #[derive(Clone, Debug)]
-struct Parts<const N: usize, O> {
+struct Parts<'p, const N: usize, O> {
     encoder: Encoder,
     protection: Protection<N>,
     disturbance: DisturbanceObserver,
     reaction_force: ReactionForceObserver,
     observer: O,
-    moves: RigidMoves,
+    moves: Moves<'p>,
+    friction: FrictionFeedForward,
+    standstill: Standstill,
     regulator: Regulator<N>,
     limits: Limits,
     direction_check: DirectionCheck,
@@ -89,15 +95,18 @@ struct Parts<const N: usize, O> {
     current_per_force: f32,
     /// By which the machine is carried.
     holding_force: Force,
+    /// Mass and force constant of the actuator, kg and N/A.
+    actuator: (f32, f32),
 }
 
-impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
+impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
     /// An idle controller.
     ///
     /// # Errors
-    /// When the settings cannot be run, see [`Settings::check`].
-    pub fn new(settings: &Settings<N, O>) -> Result<Self, SettingsError> {
+    /// When the settings cannot be run, see [`Settings::check`], or the plans cannot be played.
+    pub fn new(settings: &Settings<N, O>, plans: Plans<'p>) -> Result<Self, SettingsError> {
         settings.check()?;
+        plans.check(N)?;
         let Settings {
             sample_time,
             encoder,
@@ -107,7 +116,9 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             observer,
             regulator,
             limits,
-            motion,
+            total_mass,
+            friction,
+            standstill,
             holding_force,
             protection,
             // The board's affair.
@@ -121,13 +132,15 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             protection: Protection::new(
                 protection,
                 (actuator, encoder, limits),
-                (motion.total_mass, *holding_force),
+                (*total_mass, *holding_force),
                 period,
             ),
             disturbance: DisturbanceObserver::new(actuator, g_dist, period),
             reaction_force: ReactionForceObserver::new(actuator, g_dist, g_reac, period),
             observer: observer.clone(),
-            moves: RigidMoves::new(*motion, force_constant, period),
+            moves: Moves::new(plans, period, encoder.resolution),
+            friction: *friction,
+            standstill: *standstill,
             regulator: *regulator,
             limits: *limits,
             direction_check: DirectionCheck::new(limits, actuator, rest, period),
@@ -135,6 +148,7 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             sample_time: period,
             current_per_force: 1.0 / force_constant,
             holding_force: Force(*holding_force),
+            actuator: (actuator.actual_mass(), force_constant),
         };
         Ok(Self {
             copy: parts.clone(),
@@ -173,6 +187,9 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
             }
             (Request::Excite, Some(excitation), activity) => {
                 *activity = Activity::Exciting(Exciting::new(excitation));
+            }
+            (Request::Jog(_) | Request::Halt, _, Activity::Running(running)) => {
+                running.asked = Some(request);
             }
             (Request::Step(target) | Request::Move(target), _, Activity::Running(running)) => {
                 let travel = self.parts.protection.travel();
@@ -214,9 +231,9 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
 
     /// One control period: the whole corridor.
     ///
-    /// The same path is taken in every running period; its cost does not depend on the values,
-    /// apart from the one period in which a move is planned (two square roots and a cube root
-    /// more). In each, a part of the settings is held against its copy, all of them within 64
+    /// The same path is taken in every running period; its cost does not depend on the values, but on
+    /// how many plans are under way, six at most, and a period in which one is chosen costs a search in
+    /// their table more. In each, a part of the settings is held against its copy, all of them within 64
     /// periods. A drive that excites does less. Idle and faulted drives get zero current and a disabled
     /// amplifier.
     pub fn step(&mut self, measurement: Measurement) -> Command {
@@ -288,7 +305,7 @@ impl<const N: usize, O: StateObserver<N> + Clone> Controller<N, O> {
 /// What a mode says for one period: a command, or nothing when it has done what it is there for.
 type Outcome = Result<Option<Command>, Trip>;
 
-impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
+impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
     /// Whether a part of this is as in its copy, another part in each period: a few words, so that the cost
     /// of a period hardly grows. All have been compared after 64 periods: 8
     /// parts, one of which has 4, in every other period; the observer's states are fewer.
@@ -302,12 +319,15 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
             1 => self.regulator == copy.regulator,
             2 => self.disturbance == copy.disturbance,
             3 => self.reaction_force == copy.reaction_force,
-            4 => self.moves == copy.moves,
+            4 => {
+                self.moves.same(&copy.moves)
+                    && (self.friction, self.standstill) == (copy.friction, copy.standstill)
+            }
             5 => self.direction_check == copy.direction_check,
             6 => {
                 (self.rest, self.sample_time) == (copy.rest, copy.sample_time)
-                    && (self.current_per_force, self.holding_force)
-                        == (copy.current_per_force, copy.holding_force)
+                    && (self.current_per_force, self.holding_force, self.actuator)
+                        == (copy.current_per_force, copy.holding_force, copy.actuator)
             }
             _ => self.protection.same(&copy.protection, part / 8),
         }
@@ -321,25 +341,19 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
     /// What a running drive begins with, where the actuator stands, at rest.
     ///
     /// * `set`: whether zero is known
-    fn begin(&self, place: Place, set: bool, stiction: Option<f32>) -> Loop<O::Memory> {
+    fn begin(&self, place: Place, set: bool, stiction: Option<f32>) -> Loop<N, O::Memory> {
         let current = self.holding_current();
         Loop {
             disturbance: self.disturbance.at_rest(current),
             reaction_force: self.reaction_force.at_rest(current),
             observer: self.observer.at_rest(self.holding_force),
             target: place,
-            moves: rigid::Memory::default(),
+            moves: moves::Memory::default(),
+            standstill: standstill::Memory::at_rest(self.holding_force),
+            fed: Fed::default(),
+            expected: Expected::default(),
             protection: self.protection.begin(stiction, set.then_some(place)),
         }
-    }
-
-    /// Positions are relative to another target from now on; the distance to it.
-    fn retarget(&self, memory: &mut Loop<O::Memory>, target: Place) -> Position {
-        let distance = self.encoder.distance(memory.target, target);
-        self.observer.shift(&mut memory.observer, distance);
-        memory.moves = rigid::Memory::default();
-        memory.target = target;
-        distance
     }
 
     /// Commissioning: open loop until the signs are proven, closed from then on.
@@ -418,43 +432,42 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
                 self.holding_current(),
             ),
         };
-        match running.asked {
-            Some(Request::Step(target)) => {
-                self.retarget(memory, target);
-                running.asked = None;
-            }
-            Some(Request::Move(target)) if !self.moves.moving(&memory.moves) => {
-                let distance = self.retarget(memory, target);
-                if !self.moves.move_by(&mut memory.moves, distance) {
-                    return Err(Fault::Target.into());
-                }
-                running.asked = None;
-            }
-            _ => {}
-        }
+        self.direct(memory, &mut running.asked, telemetry.position_set)?;
+        let reference = self.moves.step(&mut memory.moves);
         let position = self.encoder.distance(memory.target, reading.place);
+        let error = Position(position.0 - reference.position.0);
+
+        // The observers see how the machine differs from the reference: what a plan does to it is known.
+        let fed = core::mem::take(&mut memory.fed);
+        let differing = Current(current.0 - fed.moves.0 - fed.friction.0);
+        let displacement = displacement - reference.displacement;
         let disturbance = self
             .disturbance
-            .step(&mut memory.disturbance, displacement, current);
+            .step(&mut memory.disturbance, displacement, differing);
         let reaction_force =
             self.reaction_force
-                .step(&mut memory.reaction_force, &disturbance, current);
+                .step(&mut memory.reaction_force, &disturbance, differing);
         let seen = Seen {
-            position,
+            position: error,
             mean_velocity: disturbance.mean_velocity,
             velocity: disturbance.velocity,
-            current,
+            current: differing,
             reaction_force,
         };
-        let estimate = self.observer.step(&mut memory.observer, &seen);
-        let reference = self.moves.step(&mut memory.moves);
-        let feedback = self.regulator.step(&estimate, &reference);
-        let compensation = estimate.disturbance.0 * self.current_per_force;
+        let difference = self.observer.step(&mut memory.observer, &seen);
+        let velocity = Velocity(reference.displacement / self.sample_time);
+        let (mass, force_constant) = self.actuator;
+        let of_actuator = (mass, force_constant, self.sample_time);
+        let expected = memory
+            .expected
+            .step(reference.displacement, fed.moves, of_actuator);
+        let estimate = on_reference(&difference, &reference, velocity);
+        let reaction_force = Force(reaction_force.0 + expected.0);
 
         let target = self.encoder.position(memory.target).0;
         telemetry.reference = target + reference.position.0;
         telemetry.velocity = estimate.velocity.0;
-        telemetry.disturbance = disturbance.force.0;
+        telemetry.disturbance = disturbance.force.0 + expected.0;
         telemetry.reaction_force = reaction_force.0;
         telemetry.disturbance_state = estimate.disturbance.0;
         telemetry.load_velocity = estimate.load_velocity;
@@ -481,17 +494,57 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
                 telemetry.fault_value = trip.value;
                 running.stopping = Some(Stopping::new(trip.fault, reading.place));
                 running.asked = None;
-                self.retarget(memory, reading.place);
             }
         }
-        if let Some(stopping) = &mut running.stopping
-            && stopping.ended(&self.rest, reading, self.sample_time)
-        {
-            return Ok(None);
+        memory.fed.moves = reference.feed_forward;
+        if let Some(stopping) = &mut running.stopping {
+            telemetry.reference = self.encoder.position(stopping.place).0;
+            if stopping.ended(&self.rest, reading, self.sample_time) {
+                return Ok(None);
+            }
+            // The loop holds the machine where it was, whatever the move goes on to do.
+            let from_place = self.encoder.distance(stopping.place, memory.target);
+            let mut estimate = estimate;
+            estimate.position.0 += from_place.0;
+            let feedback = self.regulator.step(&estimate);
+            let compensation = estimate.disturbance.0 * self.current_per_force;
+            return self.limited(Current(feedback.0 + compensation));
         }
+        let feedback = self.regulator.step(&difference);
+        let compensation = self.standstill.step(
+            &mut memory.standstill,
+            reference.rests,
+            error,
+            difference.disturbance,
+        );
+        let friction = self.friction.step(velocity);
+        memory.fed.friction = Current(friction.0 * self.current_per_force);
         self.limited(Current(
-            reference.feed_forward.0 + feedback.0 + compensation,
+            reference.feed_forward.0
+                + memory.fed.friction.0
+                + feedback.0
+                + compensation.0 * self.current_per_force,
         ))
+    }
+
+    /// What is asked of the moves is begun, and the target moves on.
+    fn direct(
+        &self,
+        memory: &mut Loop<N, O::Memory>,
+        asked: &mut Option<Request>,
+        set: bool,
+    ) -> Result<(), Fault> {
+        let travel = self.protection.travel().copied().filter(|_| set);
+        let steps = matches!(asked, Some(Request::Step(_)));
+        let before = memory.target;
+        let directed = self.moves.direct(&mut memory.moves, asked, before, travel);
+        memory.target = directed.map_err(|_| Fault::Target)?;
+        if steps && memory.target != before {
+            // The reference leaps, and the machine is as far from it.
+            let distance = self.encoder.distance(before, memory.target);
+            self.observer.shift(&mut memory.observer, distance);
+        }
+        Ok(())
     }
 
     /// The command of an open loop: a current beside what carries the machine.
@@ -508,6 +561,29 @@ impl<const N: usize, O: StateObserver<N>> Parts<N, O> {
             limited: limited.limited,
         }))
     }
+}
+
+/// Where the machine is: what it differs by on top of the reference.
+///
+/// * `velocity`: of the reference's actuator
+fn on_reference<const N: usize>(
+    difference: &Estimate<N>,
+    reference: &Reference<N>,
+    velocity: Velocity,
+) -> Estimate<N> {
+    let mut estimate = *difference;
+    estimate.position.0 += reference.position.0;
+    estimate.velocity.0 += velocity.0;
+    let loads = estimate
+        .deflection
+        .iter_mut()
+        .zip(&mut estimate.load_velocity);
+    let references = reference.deflection.iter().zip(&reference.load_velocity);
+    for ((deflection, load_velocity), (of_deflection, of_velocity)) in loads.zip(references) {
+        *deflection += of_deflection;
+        *load_velocity += of_velocity;
+    }
+    estimate
 }
 
 #[cfg(test)]

@@ -14,7 +14,8 @@
 //! | [`disturbance`], [`reaction_force`] | the force observers | (19), (18) |
 //! | [`observer`] | action-reaction state observer and its variants | (17) |
 //! | [`regulator`] | constant-gain state feedback | (13) |
-//! | [`moves`] | references of every mass: steps and jerk-limited moves | |
+//! | [`moves`] | planned moves: references of every mass and the currents for them | |
+//! | [`friction`], [`standstill`] | friction feed-forward; the rule for rest | |
 //! | [`limits`] | limiting of the command | |
 //! | [`controller`] | the corridor: [`Controller::step`] | |
 //! | [`mode`], [`link`] | what the drive does; what is asked of it, and its answers | |
@@ -34,16 +35,20 @@
 //! own ([`units`]). SI units throughout; for a rotary drive read kg m² for kg, rad for m and N m for N.
 //!
 //! ```
+//! use arso_core::moves::plans::Plans;
 //! use arso_core::observer::Anchored;
 //! use arso_core::{Command, Controller, Counts, Current, Measurement, Refusal, Request, Settings};
 //!
 //! /// First command of a new drive: it waits for rest before it proves its signs.
-//! fn first_command(settings: &Settings<3, Anchored<3, 9>>) -> Result<Command, Refusal> {
-//!     let Ok(mut controller) = Controller::new(settings) else {
+//! fn first_command(
+//!     settings: &Settings<3, Anchored<3, 9>>,
+//!     plans: Plans<'_>,
+//! ) -> Result<Command, Refusal> {
+//!     let Ok(mut controller) = Controller::new(settings, plans) else {
 //!         return Ok(Command::default());
 //!     };
 //!     controller.request(Request::Commission)?;
-//!     // When it is ready: Request::Start, then Request::Step(Place(30_000)).
+//!     // When it is ready: Request::Start, then Request::Move(Place(30_000)).
 //!     Ok(controller.step(Measurement { count: Counts(0), current: Current(0.0) }))
 //! }
 //! ```
@@ -60,6 +65,7 @@ pub mod encoder;
 pub mod excitation;
 pub mod fault;
 pub mod filter;
+pub mod friction;
 pub mod indicator;
 pub mod limits;
 pub mod link;
@@ -71,6 +77,7 @@ pub mod reaction_force;
 pub mod regulator;
 mod rest;
 pub mod settings;
+pub mod standstill;
 pub mod telemetry;
 #[doc = include_str!("theory.md")]
 pub mod theory {}

@@ -1,7 +1,7 @@
 //! What is asked of the drive, and what it answers. Plain data without a transport.
 
 use crate::mode::Mode;
-use crate::units::Place;
+use crate::units::{Place, Velocity};
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
@@ -23,9 +23,12 @@ pub enum Request {
     SetPosition(Place),
     /// Put the reference there at once; running drives only.
     Step(Place),
-    /// Move the reference there within the limits of motion, after the move under way if there
-    /// is one; running drives only.
+    /// Move there by a plan, on top of what is under way; running drives only.
     Move(Place),
+    /// Move at that velocity until something else is asked; running drives only.
+    Jog(Velocity),
+    /// Come to rest by a plan and stay there; running drives only.
+    Halt,
 }
 
 /// Why a request was not taken.
@@ -64,7 +67,10 @@ impl Mode {
             (Self::Idle | Self::Ready, Request::Excite) => Ok(Self::Exciting),
             (Self::Idle | Self::Ready, Request::SetPosition(_)) => Ok(self),
             (Self::Ready, Request::Start)
-            | (Self::Running, Request::Step(_) | Request::Move(_)) => Ok(Self::Running),
+            | (
+                Self::Running,
+                Request::Step(_) | Request::Move(_) | Request::Jog(_) | Request::Halt,
+            ) => Ok(Self::Running),
             (Self::Running | Self::Ready, Request::Stop) => Ok(Self::Ready),
             // Whatever else is going on.
             (_, Request::Stop) => Ok(Self::Idle),
@@ -87,6 +93,8 @@ impl fmt::Display for Refusal {
             Request::SetPosition(_) => ("set position", "an idle or ready"),
             Request::Step(_) => ("step", "a running"),
             Request::Move(_) => ("move", "a running"),
+            Request::Jog(_) => ("jog", "a running"),
+            Request::Halt => ("halt", "a running"),
         };
         match self.reason {
             Reason::Mode => write!(f, "{request} is for {wanted} drive, and this one is "),
@@ -163,6 +171,8 @@ mod tests {
             ),
             (step, vec![(Running, Running)]),
             (Request::Move(Place(10_000)), vec![(Running, Running)]),
+            (Request::Jog(Velocity(0.1)), vec![(Running, Running)]),
+            (Request::Halt, vec![(Running, Running)]),
         ];
         for (request, row) in taken {
             for mode in MODES {
@@ -195,6 +205,8 @@ mod tests {
             Request::Stop,
             Request::Step(Place(0)),
             Request::Move(Place(0)),
+            Request::Jog(Velocity(0.1)),
+            Request::Halt,
         ];
         let mut reached = std::vec![Mode::Idle, Mode::Fault(Fault::NoMotion)];
         for _ in 0..MODES.len() {

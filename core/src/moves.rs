@@ -1,44 +1,285 @@
-//! Moves: where every mass ought to be in each period, and the current that takes it there.
+//! Moves: where the chain ought to be in each period, and the current that takes it there.
 //!
-//! The corridor asks for a [`Reference`] in each period and does not know what makes it; today that is
-//! [`rigid`].
+//! A move is a sum of [`plans`] under way, each leaving every spring at rest: a new target, a jog and a stop
+//! add plans to those that are being played, whatever these do just then, and the sum leaves none of the
+//! masses in vibration.
+//!
+//! ```text
+//! distance --Moves::go---> segments (plan, scale, tick) --Moves::step--> i_ff + K x_ref, x_a, v_a
+//! velocity --Moves::jog-->
+//! ```
+//!
+//! Positions are relative to the target, a whole count. A plan that has ended contributes exactly zero, so
+//! nothing drifts; while the drive jogs it is the target that moves, by whole counts and 256ths of one.
+//!
+//! **Which plan.** The shortest one that keeps the limits: of the displacements the first that reaches that
+//! far, beyond them a change of velocity and the opposite one. Each segment uses a share of the limits, its
+//! scale over the plan's reach, and the shares of those under way are at most one: a request on top of them
+//! gets the shortest plan that fits into what they leave, or waits for their end if that is sooner.
+//!
+//! **A cruise can be changed.** The second change of velocity is moved in time, whole periods and, as two
+//! segments that share it, a part of one: it ends on any place that is not behind.
 
-pub mod rigid;
+pub mod plans;
+mod requests;
 
-use crate::units::{Current, Position, Velocity};
+pub use requests::Unreachable;
 
-/// Where every mass ought to be in one period.
+use crate::units::{Current, Position};
+use plans::{Plan, Plans};
+
+/// Where every mass ought to be in one period, and the current that takes it there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference<const N: usize> {
-    /// Position of the actuator.
+    /// Position of the actuator, relative to the target.
     pub position: Position,
-    /// Velocity of the actuator.
-    pub velocity: Velocity,
     /// Position of each load relative to the actuator, m.
     pub deflection: [f32; N],
-    /// Velocity of each load, m/s.
+    /// Distance that the actuator ought to have come since the period before, m.
+    pub displacement: f32,
+    /// Mean velocity of each load since then, m/s.
     pub load_velocity: [f32; N],
     /// Feed-forward current `i_ff`.
     pub feed_forward: Current,
+    /// Whether all rest at the target, and have.
+    pub rests: bool,
 }
 
-impl<const N: usize> Reference<N> {
-    /// Every mass moves as the actuator does.
-    #[must_use]
-    pub fn rigid(position: Position, velocity: Velocity, feed_forward: Current) -> Self {
+/// At rest at the target.
+impl<const N: usize> Default for Reference<N> {
+    fn default() -> Self {
         Self {
-            position,
-            velocity,
+            position: Position(0.0),
             deflection: [0.0; N],
-            load_velocity: [velocity.0; N],
-            feed_forward,
+            displacement: 0.0,
+            load_velocity: [0.0; N],
+            feed_forward: Current(0.0),
+            rests: true,
         }
     }
 }
 
-/// At rest at the origin.
-impl<const N: usize> Default for Reference<N> {
+/// Most segments that are under way at once: two moves and the parts of a changed cruise.
+const SEGMENTS: usize = 6;
+
+/// Parts of a count that the target of a jog is kept in.
+const PARTS: i64 = 256;
+/// The moves of a drive.
+#[derive(Clone, Copy, Debug)]
+pub struct Moves<'p> {
+    plans: Plans<'p>,
+    sample_time: f32,
+    /// m per count.
+    resolution: f32,
+}
+
+/// A plan under way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Segment {
+    what: What,
+    /// m or m/s.
+    scale: f32,
+    /// Periods since it began; negative while it waits.
+    tick: i32,
+}
+
+/// Which plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum What {
+    /// A displacement, by its number.
+    Displacement(u16),
+    Change,
+}
+
+/// What is under way; the default rests at the target.
+#[derive(Clone, Copy, Debug)]
+pub struct Memory<const N: usize> {
+    segments: [Option<Segment>; SEGMENTS],
+    /// How the target moves: 256ths of a count per period, and how far it is beyond the whole count.
+    pace: i64,
+    beyond: i64,
+    /// The reference of the period before, relative to the present target: position of the actuator and
+    /// deflections, m.
+    before: (f32, [f32; N]),
+}
+
+impl<const N: usize> Default for Memory<N> {
     fn default() -> Self {
-        Self::rigid(Position(0.0), Velocity(0.0), Current(0.0))
+        Self {
+            segments: [None; SEGMENTS],
+            pace: 0,
+            beyond: 0,
+            before: (0.0, [0.0; N]),
+        }
     }
 }
+
+impl<const N: usize> Memory<N> {
+    /// Whether nothing is under way.
+    pub(crate) fn rests(&self) -> bool {
+        self.pace == 0 && self.beyond == 0 && self.segments.iter().all(Option::is_none)
+    }
+
+    fn add(&mut self, segment: Segment) {
+        if let Some(free) = self.segments.iter_mut().find(|free| free.is_none()) {
+            *free = Some(segment);
+        }
+    }
+
+    fn free(&self) -> usize {
+        self.segments.iter().filter(|free| free.is_none()).count()
+    }
+
+    /// The change of velocity that waits: its scale and the periods until it begins.
+    fn waiting(&self) -> Option<(f32, f32)> {
+        let mut sum = (0.0, 0.0);
+        for segment in self.segments.iter().flatten().filter(|s| s.waits()) {
+            sum.0 += segment.scale;
+            sum.1 += segment.scale * -(segment.tick as f32);
+        }
+        (sum.0 != 0.0).then(|| (sum.0, sum.1 / sum.0))
+    }
+}
+
+impl Segment {
+    fn waits(&self) -> bool {
+        self.what == What::Change && self.tick < 0
+    }
+}
+
+impl<'p> Moves<'p> {
+    /// * `resolution`: of the encoder, m
+    #[must_use]
+    pub fn new(plans: Plans<'p>, sample_time: f32, resolution: f32) -> Self {
+        Self {
+            plans,
+            sample_time,
+            resolution,
+        }
+    }
+
+    /// Whether these are as in their copy.
+    pub(crate) fn same(&self, copy: &Self) -> bool {
+        self.plans.same(&copy.plans)
+            && (self.sample_time, self.resolution) == (copy.sample_time, copy.resolution)
+    }
+
+    /// The reference of this period; the next call gives that of the next.
+    pub fn step<const N: usize>(&self, memory: &mut Memory<N>) -> Reference<N> {
+        let (before, deflection_before) = memory.before;
+        if memory.rests() && before == 0.0 && deflection_before == [0.0; N] {
+            return Reference::default();
+        }
+        let mut sum = Reference {
+            position: Position(memory.beyond as f32 * self.part()),
+            rests: false,
+            ..Reference::default()
+        };
+        for place in &mut memory.segments {
+            let Some(segment) = place else { continue };
+            let plan = self.plan(segment.what);
+            self.add(&mut sum, plan, segment);
+            segment.tick = segment.tick.saturating_add(1);
+            if segment.tick > self.ticks(plan) {
+                *place = None;
+            }
+        }
+        sum.displacement = sum.position.0 - before;
+        for (load, velocity) in sum.load_velocity.iter_mut().enumerate() {
+            let deflected = sum.deflection[load] - deflection_before[load];
+            *velocity = (sum.displacement + deflected) / self.sample_time;
+        }
+        memory.before = (sum.position.0, sum.deflection);
+        sum
+    }
+
+    /// By how many whole counts the target of a jog moves on to the next period.
+    fn advance<const N: usize>(&self, memory: &mut Memory<N>) -> i64 {
+        if memory.pace == 0 {
+            return 0;
+        }
+        let beyond = memory.beyond + memory.pace;
+        memory.beyond = beyond & (PARTS - 1);
+        beyond >> PARTS.trailing_zeros()
+    }
+
+    /// The smallest part of a count, m.
+    fn part(&self) -> f32 {
+        self.resolution / PARTS as f32
+    }
+
+    /// Parts of a count per period as m/s.
+    fn velocity(&self, pace: i64) -> f32 {
+        pace as f32 * self.part() / self.sample_time
+    }
+
+    fn plan(&self, what: What) -> &Plan {
+        match what {
+            What::Displacement(number) => {
+                let plan = self.plans.displacements.get(usize::from(number));
+                plan.unwrap_or(&self.plans.change)
+            }
+            What::Change => &self.plans.change,
+        }
+    }
+
+    fn ticks(&self, plan: &Plan) -> i32 {
+        i32::from(plan.knots) * i32::from(self.plans.stride)
+    }
+
+    fn add<const N: usize>(&self, sum: &mut Reference<N>, plan: &Plan, segment: &Segment) {
+        let scale = segment.scale;
+        let Ok(tick) = u32::try_from(segment.tick) else {
+            // On the line on which it will end.
+            let periods = self.ahead() - segment.tick as f32;
+            sum.position.0 += scale * periods * self.sample_time;
+            return;
+        };
+        let stride = u32::from(self.plans.stride);
+        let (knot, past) = (tick / stride, tick % stride);
+        let Some(row) = self.row::<N>(plan, knot) else {
+            return;
+        };
+        sum.feed_forward.0 += scale * plan.feed_forward * f32::from(row[0]);
+        let (mut position, mut deflection) = Self::places::<N>(row);
+        if past != 0 {
+            // The current is held, the masses go on.
+            let share = past as f32 / stride as f32;
+            let next = self.row::<N>(plan, knot + 1).map(Self::places::<N>);
+            let (next_position, next_deflection) = next.unwrap_or((0.0, [0.0; N]));
+            position += share * (next_position - position);
+            for (deflection, next) in deflection.iter_mut().zip(next_deflection) {
+                *deflection += share * (next - *deflection);
+            }
+        }
+        sum.position.0 += scale * plan.position * position;
+        for (sum, deflection) in sum.deflection.iter_mut().zip(deflection) {
+            *sum += scale * plan.deflection * deflection;
+        }
+    }
+
+    /// The words of a row; none after the last.
+    fn row<const N: usize>(&self, plan: &Plan, knot: u32) -> Option<&[i16]> {
+        if knot >= plan.knots.into() {
+            return None;
+        }
+        let words = plans::row_words(N);
+        let first = (plan.first as usize)
+            .checked_add(knot as usize)?
+            .checked_mul(words)?;
+        self.plans.rows.get(first..first.checked_add(words)?)
+    }
+
+    /// Position of the actuator and deflections, in their units.
+    fn places<const N: usize>(row: &[i16]) -> (f32, [f32; N]) {
+        let word = |index: usize| row.get(index).copied().unwrap_or(0);
+        let position = i32::from(word(1)) << 16 | i32::from(word(2) as u16);
+        (
+            position as f32,
+            core::array::from_fn(|load| f32::from(word(3 + load))),
+        )
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

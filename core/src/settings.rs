@@ -10,11 +10,12 @@ use crate::actuator::Actuator;
 use crate::amplifier::Amplifier;
 use crate::check::{SettingsError, finite, positive};
 use crate::encoder::Encoder;
+use crate::friction::FrictionFeedForward;
 use crate::limits::Limits;
-use crate::moves::rigid::MotionLimits;
 use crate::observer::StateObserver;
 use crate::protection::ProtectionLimits;
 use crate::regulator::Regulator;
+use crate::standstill::Standstill;
 use serde::{Deserialize, Serialize};
 
 /// A drive with `N` load masses and the state observer `O`.
@@ -38,8 +39,12 @@ pub struct Settings<const N: usize, O> {
     pub regulator: Regulator<N>,
     /// Limits of the command.
     pub limits: Limits,
-    /// Limits of the moves.
-    pub motion: MotionLimits,
+    /// Mass of actuator and all loads, kg.
+    pub total_mass: f32,
+    /// Friction that is fed forward.
+    pub friction: FrictionFeedForward,
+    /// The rule for rest.
+    pub standstill: Standstill,
     /// Force by which the motor holds the machine where it stands, positive as a positive current: what
     /// carries the load against gravity, N.
     pub holding_force: f32,
@@ -63,7 +68,9 @@ impl<const N: usize, O: StateObserver<N>> Settings<N, O> {
         self.actuator.check()?;
         self.amplifier.check()?;
         self.limits.check()?;
-        self.motion.check()?;
+        positive("total_mass", self.total_mass)?;
+        self.friction.check()?;
+        self.standstill.check()?;
         finite("holding_force", [&self.holding_force])?;
         self.protection.check()?;
         self.observer.check()?;

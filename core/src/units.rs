@@ -28,7 +28,8 @@ impl Place {
 pub struct Position(pub f32);
 
 /// Velocity, m/s.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Velocity<T = f32>(pub T);
 
 /// Current, A.

@@ -5,7 +5,7 @@ use crate::board::{
     RunSwitch, Watchdog,
 };
 use crate::log::Log;
-use crate::settings::{EXCITATION, GAINS, LOADS, Observer, PERIOD_US};
+use crate::settings::{EXCITATION, GAINS, LOADS, Observer, PERIOD_US, PLANS};
 use crate::switches::Switches;
 use arso_core::{
     Controller, Current, Fault, Measurement, Refusal, Request, SettingsError, Telemetry,
@@ -49,7 +49,7 @@ pub struct Control<B: Board> {
     amplifier_fault: B::AmplifierFault,
     /// When the interrupt before this one began.
     before: Option<u32>,
-    controller: Controller<LOADS, Observer>,
+    controller: Controller<'static, LOADS, Observer>,
     applied: Current,
     records: Producer<'static, (Record, bool)>,
     requests: Consumer<'static, Request>,
@@ -76,7 +76,7 @@ pub fn new<B: Board>(
     queues: &'static mut Queues,
 ) -> Result<(Control<B>, Idle<B>), SettingsError> {
     const { crate::settings::require_fit(&B::CAPABILITIES) };
-    let controller = Controller::new(&GAINS)?.with_excitation(EXCITATION);
+    let controller = Controller::new(&GAINS, PLANS)?.with_excitation(EXCITATION);
     let (records_in, records_out) = queues.records.split();
     let (requests_in, requests_out) = queues.requests.split();
     let (refusals_in, refusals_out) = queues.refusals.split();

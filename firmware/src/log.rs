@@ -5,7 +5,7 @@
 //! `host-sim capture` reads with the very types that wrote them. The identity is repeated with each summary,
 //! for who listens late.
 
-use crate::settings::{GAINS, KIND, LOADS};
+use crate::settings::{GAINS, KIND, LOADS, PLANS};
 use arso_core::{Identity, Mode, Refusal, Telemetry, Vibration};
 use crc::{CRC_32_ISO_HDLC, Crc, Digest};
 use postcard::ser_flavors::Flavor;
@@ -163,5 +163,5 @@ fn fingerprint() -> u32 {
         }
     }
     // Nothing in it can fail: settings are numbers.
-    postcard::serialize_with_flavor(&GAINS, Passing(CHECKSUM.digest())).unwrap_or(0)
+    postcard::serialize_with_flavor(&(&GAINS, PLANS), Passing(CHECKSUM.digest())).unwrap_or(0)
 }

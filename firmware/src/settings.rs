@@ -7,7 +7,7 @@ use crate::board::Capabilities;
 use crate::excitation;
 
 pub use crate::excitation::EXCITATION;
-pub use crate::gains::{GAINS, KIND, LOADS, Observer};
+pub use crate::gains::{GAINS, KIND, LOADS, Observer, PLANS};
 
 /// The control period, µs.
 pub const PERIOD_US: u32 = (GAINS.sample_time * 1e6 + 0.5) as u32;

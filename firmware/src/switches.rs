@@ -8,7 +8,7 @@
 //! | on | | 0 | step to the origin |
 //! | on | | 1 | step to 30 mm |
 //! | on | | 2 | step to 15 mm |
-//! | on | | 3 | jerk-limited move to 30 mm |
+//! | on | | 3 | planned move to 30 mm |
 //!
 //! After a reset nothing is asked until the run switch has been seen open: a drive whose supply or
 //! processor failed does not move by itself. The excite switch counts at the moment the run switch is

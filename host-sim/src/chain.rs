@@ -12,8 +12,10 @@
 pub mod hamiltonian;
 pub mod load;
 pub mod minimum_time;
+mod modal;
 mod model;
 mod modes;
+pub mod transfer;
 
 pub use model::{Chain, controlled_mass};
 pub use modes::Mode;

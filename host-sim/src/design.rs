@@ -15,12 +15,13 @@ pub mod gains_file;
 pub mod loop_margins;
 pub mod observer;
 pub mod paper;
+pub mod plans;
 pub mod protection;
 pub mod regulator;
 pub mod weights;
 
 use crate::chain::{Chain, Mode};
-use crate::drive::{Drive, MoveLimits, Weights};
+use crate::drive::{Drive, Weights};
 use crate::error::{Error, Result};
 use crate::linear::dlqr;
 use crate::linear::eigen::{eigenvalues, spectral_radius};
@@ -29,11 +30,13 @@ use crate::machine::chain_of;
 use arso_core::Settings;
 use arso_core::actuator::Actuator;
 use arso_core::encoder::Encoder;
+use arso_core::friction::FrictionFeedForward;
 use arso_core::limits::Limits;
-use arso_core::moves::rigid::MotionLimits;
 use arso_core::observer::LinearObserver;
 use arso_core::regulator::{MassGain, Regulator};
+use arso_core::standstill::Standstill;
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
+use std::sync::OnceLock;
 use weights::PerformanceIndex;
 
 /// Gains of a drive in `f64`, with all that led to them.
@@ -56,8 +59,12 @@ pub struct Design {
     /// The state observer.
     pub observer: observer::ObserverDesign,
     /// Limits of planned moves.
-    pub motion: MoveLimits,
+    pub motion: Motion,
+    plans: OnceLock<plans::PlanTable>,
 }
+
+/// Share of the velocity limit below which Coulomb friction is fed forward in part.
+const SMOOTHING: f64 = 1e-3;
 
 impl Design {
     /// Designs regulator and observer for a drive.
@@ -94,7 +101,8 @@ impl Design {
             riccati_residual: residual,
             observer,
             index,
-            motion: move_limits(drive, &chain, &modes),
+            motion: Motion::new(drive, &chain, &modes),
+            plans: OnceLock::new(),
             chain,
             ad,
             bd,
@@ -164,7 +172,9 @@ impl Design {
                 loads: std::array::from_fn(|load| mass_gain(load + 1)),
             },
             limits: self.limits(),
-            motion: self.motion_limits(),
+            total_mass: drive.total_mass() as f32,
+            friction: self.friction(),
+            standstill: self.standstill(),
             holding_force: drive.actuator.holding_force as f32,
             protection: protection::Protection::new(self).limits(drive.encoder.resolution),
         }
@@ -220,15 +230,42 @@ impl Design {
         }
     }
 
-    /// Limits of the moves as the core takes them.
+    /// Friction that is fed forward, as the core takes it.
     #[must_use]
-    pub fn motion_limits(&self) -> MotionLimits {
-        MotionLimits {
-            velocity: self.motion.velocity as f32,
-            acceleration: self.motion.acceleration as f32,
-            jerk: self.motion.jerk as f32,
-            total_mass: self.drive.total_mass() as f32,
+    pub fn friction(&self) -> FrictionFeedForward {
+        let friction = &self.drive.friction;
+        FrictionFeedForward {
+            coulomb: friction.coulomb as f32,
+            viscous: friction.viscous as f32,
+            smoothing: (SMOOTHING * self.motion.velocity) as f32,
         }
+    }
+
+    /// The rule for rest, as the core takes it.
+    #[must_use]
+    pub fn standstill(&self) -> Standstill {
+        let period = self.drive.control.sample_time;
+        let slowest = self
+            .modes()
+            .first()
+            .map_or(0.0, |mode| 1.0 / mode.frequency_hz);
+        Standstill {
+            tolerance: self.motion.settling_tolerance as f32,
+            settling: (slowest / period).round() as u32,
+            rate: (period / slowest.max(period)) as f32,
+        }
+    }
+
+    /// The planned moves; made when first asked for.
+    ///
+    /// # Errors
+    /// [`Error::Design`] when there are none within the limits of the drive file.
+    pub fn plans(&self) -> Result<&plans::PlanTable> {
+        if let Some(table) = self.plans.get() {
+            return Ok(table);
+        }
+        let table = plans::plan_table(self)?;
+        Ok(self.plans.get_or_init(|| table))
     }
 
     /// Number of load masses `N`.
@@ -258,20 +295,60 @@ impl Design {
     }
 }
 
-/// Limits of planned moves where the drive file has none: the acceleration that half the current
-/// gives the whole chain, reached within one period of the slowest mode (such a ramp leaves that
-/// mode at rest), and the velocity that it reaches in the same time.
-fn move_limits(drive: &Drive, chain: &Chain, modes: &[Mode]) -> MoveLimits {
-    if let Some(motion) = &drive.motion {
-        return motion.clone();
-    }
-    let period = modes.first().map_or(1.0, |mode| 1.0 / mode.frequency_hz);
-    let force = chain.force_constant * drive.actuator.current_limit;
-    let acceleration = 0.5 * force / drive.total_mass();
-    MoveLimits {
-        velocity: acceleration * period,
-        acceleration,
-        jerk: acceleration / period,
+/// Limits of planned moves, and what they leave to be fed forward and held.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// Velocity of the actuator, m/s.
+    pub velocity: f64,
+    /// Velocity that the drive's own force suggests, m/s.
+    pub natural_velocity: f64,
+    /// m/s²; none unless stated.
+    pub acceleration: Option<f64>,
+    /// m/s³; none unless stated.
+    pub jerk: Option<f64>,
+    /// Of each spring, m; none unless stated.
+    pub deflection: Option<Vec<f64>>,
+    /// Share of the current limit that plans may use.
+    pub current_share: f64,
+    /// Bytes of the table.
+    pub table: usize,
+    /// How far from its target the actuator may come to rest, m.
+    pub settling_tolerance: f64,
+}
+
+impl Motion {
+    const CURRENT_SHARE: f64 = 0.97;
+    const TABLE: usize = 65536;
+    /// m, and counts, of which the larger counts.
+    const TOLERANCE: (f64, f64) = (50e-6, 5.0);
+    /// Control periods in which the velocity limit is reached at the least, where a mode is faster.
+    const PERIODS: f64 = 100.0;
+
+    /// What the drive file leaves open follows from the drive. The velocity: what half the current gives the
+    /// whole chain in one period of the slowest mode, or in 100 control periods, as far as the encoder's
+    /// counter can follow.
+    fn new(drive: &Drive, chain: &Chain, modes: &[Mode]) -> Self {
+        let stated = &drive.motion;
+        let sample_time = drive.control.sample_time;
+        let slowest = modes.first().map_or(0.0, |mode| 1.0 / mode.frequency_hz);
+        let force = chain.force_constant * drive.actuator.current_limit;
+        let acceleration = 0.5 * force / drive.total_mass();
+        let natural_velocity = acceleration * slowest.max(Self::PERIODS * sample_time);
+        let resolution = drive.encoder.resolution;
+        let seen =
+            0.5 * checks::quarter_of_range(drive.encoder.counter_bits) * resolution / sample_time;
+        Self {
+            velocity: stated.velocity.unwrap_or(natural_velocity.min(seen)),
+            natural_velocity,
+            acceleration: stated.acceleration,
+            jerk: stated.jerk,
+            deflection: stated.deflection.clone(),
+            current_share: stated.current_share.unwrap_or(Self::CURRENT_SHARE),
+            table: stated.table.unwrap_or(Self::TABLE),
+            settling_tolerance: stated
+                .settling_tolerance
+                .unwrap_or(Self::TOLERANCE.0.max(Self::TOLERANCE.1 * resolution)),
+        }
     }
 }
 

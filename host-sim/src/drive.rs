@@ -162,15 +162,23 @@ pub enum Weights {
     },
 }
 
-/// Limits of a planned move.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MoveLimits {
-    /// m/s.
-    pub velocity: f64,
-    /// m/s².
-    pub acceleration: f64,
-    /// m/s³.
-    pub jerk: f64,
+/// Limits of planned moves, as far as the file states them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StatedMotion {
+    /// Of the actuator, m/s.
+    pub velocity: Option<f64>,
+    /// Of the actuator, m/s².
+    pub acceleration: Option<f64>,
+    /// Of the actuator, m/s³.
+    pub jerk: Option<f64>,
+    /// Of each spring, from the actuator outwards, m.
+    pub deflection: Option<Vec<f64>>,
+    /// Share of the current limit that plans may use.
+    pub current_share: Option<f64>,
+    /// Bytes of the table of plans.
+    pub table: Option<usize>,
+    /// How far from its target the actuator may come to rest, m.
+    pub settling_tolerance: Option<f64>,
 }
 
 /// Limits of a running drive that the file states; the others are the design's.
@@ -221,8 +229,8 @@ pub struct Drive {
     pub observer: ObserverSettings,
     /// Weights of the design.
     pub cost: Cost,
-    /// Limits of planned moves; `None` when the file leaves them to the design.
-    pub motion: Option<MoveLimits>,
+    /// Limits of planned moves, as far as the file states them.
+    pub motion: StatedMotion,
     /// Limits of a running drive, as far as the file states them.
     pub protection: StatedProtection,
 }
@@ -312,8 +320,9 @@ impl Drive {
         let motion = raw
             .motion
             .as_ref()
-            .map(|limits| document.move_limits(limits))
-            .transpose()?;
+            .map(|limits| document.motion(limits, loads.len()))
+            .transpose()?
+            .unwrap_or_default();
         let protection = raw.protection.as_ref();
         let protection = document.protection(protection, encoder.resolution)?;
         Ok(Self {

@@ -14,21 +14,22 @@ pub mod corridor;
 pub mod ending;
 pub mod metrics;
 pub mod plant;
+mod player;
 pub mod scenario;
 pub mod watch;
 
 use crate::design::Design;
+use crate::design::plans::PlanTable;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
+use arso_core::friction::FrictionFeedForward;
 use arso_core::limits::Limits;
-use arso_core::moves::rigid::{self, RigidMoves};
-use arso_core::{
-    Counts, Current, Fault, Measurement, Mode, Place, Position, Refusal, Request, SettingsError,
-};
-use corridor::{Corridor, Record, corridor};
+use arso_core::{Counts, Current, Fault, Measurement, Mode, Place, Refusal, Request};
+use corridor::{Corridor, Record, corridor_with_plans};
 use nalgebra::DVector;
 use plant::Plant;
-use scenario::{Approach, Scenario};
+use player::{Play, player};
+use scenario::Scenario;
 use std::collections::VecDeque;
 
 /// Which control law was simulated.
@@ -98,9 +99,9 @@ pub fn simulate(
     law: Law,
     duration: f64,
 ) -> Result<Run> {
-    let mut control: Box<dyn Control> = match law {
+    let mut control: Box<dyn Control + '_> = match law {
         Law::Core => Box::new(Core::new(design, file, scenario)?),
-        _ => Box::new(FullState::new(design, scenario)),
+        _ => Box::new(FullState::new(design, scenario)?),
     };
     let period = design.drive.control.sample_time;
     close_loop(
@@ -187,23 +188,27 @@ pub(crate) trait Control {
 }
 
 /// The control core as a law.
-pub(crate) struct Core(Box<dyn Corridor>);
+pub(crate) struct Core<'d>(Box<dyn Corridor + 'd>);
 
-impl Core {
+impl<'d> Core<'d> {
     /// A core that has proven its signs on this plant and is asked for the experiment.
-    pub(crate) fn new(design: &Design, file: &PlantFile, scenario: &Scenario) -> Result<Self> {
-        let unfit = |error: SettingsError| Error::Design(error.to_string());
-        let mut core = corridor(design, None).map_err(unfit)?;
+    pub(crate) fn new(design: &'d Design, file: &PlantFile, scenario: &Scenario) -> Result<Self> {
+        Self::with_plans(design, design.plans()?, file, scenario)
+    }
+
+    /// The same with plans of another design for the same machine.
+    pub(crate) fn with_plans(
+        design: &Design,
+        plans: &'d PlanTable,
+        file: &PlantFile,
+        scenario: &Scenario,
+    ) -> Result<Self> {
+        let mut core = corridor_with_plans(design, plans, None)?;
         let place = commission(core.as_mut(), file, design.drive.control.sample_time)?;
         // The experiment's origin is the machine's.
         core.request(Request::SetPosition(place)).map_err(refused)?;
         core.request(Request::Start).map_err(refused)?;
-        let counts = scenario.target / design.drive.encoder.resolution;
-        let target = Place(counts.round() as i64);
-        let request = match scenario.approach {
-            Approach::Step => Request::Step(target),
-            Approach::Move => Request::Move(target),
-        };
+        let request = scenario.request(design.drive.encoder.resolution);
         core.request(request).map_err(refused)?;
         Ok(Self(core))
     }
@@ -250,7 +255,7 @@ pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Res
     Err(Error::Simulation("commissioning did not end".into()))
 }
 
-impl Control for Core {
+impl Control for Core<'_> {
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let command = self.0.step(Measurement {
             count: Counts(count),
@@ -267,45 +272,35 @@ impl Control for Core {
     }
 }
 
-/// `i = i_ff − K (x − x_ref)` on the true state, through the same limiter.
-pub(crate) struct FullState {
+/// `i = i_ff − K (x − x_ref)` on the true state, through the same moves and the same limiter.
+pub(crate) struct FullState<'d> {
     gain: nalgebra::RowDVector<f64>,
     limits: Limits,
-    moves: RigidMoves,
-    target: f64,
-    reference: rigid::Memory,
+    player: Box<dyn Play + 'd>,
+    friction: FrictionFeedForward,
+    force_constant: f64,
 }
 
-impl FullState {
-    pub(crate) fn new(design: &Design, scenario: &Scenario) -> Self {
-        let moves = RigidMoves::new(
-            design.motion_limits(),
-            design.chain.force_constant as f32,
-            design.drive.control.sample_time as f32,
-        );
-        let mut reference = rigid::Memory::default();
-        if scenario.approach == Approach::Move {
-            moves.move_by(&mut reference, Position(scenario.target as f32));
-        }
-        Self {
+impl<'d> FullState<'d> {
+    pub(crate) fn new(design: &'d Design, scenario: &Scenario) -> Result<Self> {
+        let mut player = player(design)?;
+        player.ask(scenario.request(design.drive.encoder.resolution));
+        Ok(Self {
             gain: design.regulator.clone(),
             limits: design.limits(),
-            moves,
-            target: scenario.target,
-            reference,
-        }
+            player,
+            friction: design.friction(),
+            force_constant: design.chain.force_constant,
+        })
     }
 }
 
-impl Control for FullState {
+impl Control for FullState<'_> {
     fn step(&mut self, _: u32, truth: &DVector<f64>, _: f64) -> Result<ControlOutput> {
-        let setpoint = self.moves.step::<1>(&mut self.reference);
-        let reference = [
-            self.target + f64::from(setpoint.position.0),
-            f64::from(setpoint.velocity.0),
-        ];
-        let error = DVector::from_fn(truth.len(), |row, _| truth[row] - reference[row % 2]);
-        let current = f64::from(setpoint.feed_forward.0) - (&self.gain * error).x;
+        let reference = self.player.step()?;
+        let friction = f64::from(self.friction.step(reference.velocity).0) / self.force_constant;
+        let feedback = (&self.gain * (truth - &reference.state)).x;
+        let current = reference.feed_forward + friction - feedback;
         let limited = self.limits.step(Current(current as f32)).ok_or_else(|| {
             Error::Simulation("feedback of the true state is no longer finite".into())
         })?;
@@ -313,7 +308,7 @@ impl Control for FullState {
             current: limited.current.0.into(),
             enable: true,
             limited: limited.limited,
-            reference: reference[0],
+            reference: reference.state[0],
             record: None,
         })
     }

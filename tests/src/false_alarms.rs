@@ -90,7 +90,7 @@ fn drive(random: &mut ChaCha8Rng) -> (Drive, Design) {
             place: String::new(),
         };
         drive.cost.terminal = vec![0.0; 2 * loads as usize + 2];
-        drive.motion = None;
+        drive.motion = Default::default();
         let Ok(design) = Design::new(&drive) else {
             continue;
         };

@@ -14,8 +14,9 @@ use std::process::Command;
 /// `tests/second-opinion`, and the bits that the core on this machine answers.
 fn recording() -> (Vec<u8>, Vec<u32>) {
     let drive = Drive::default_drive();
-    let settings = Design::new(&drive).unwrap().settings(Anchored::<3, 9>::new);
-    let mut controller = Controller::new(&settings).unwrap();
+    let design = Design::new(&drive).unwrap();
+    let settings = design.settings(Anchored::<3, 9>::new);
+    let mut controller = Controller::new(&settings, design.plans().unwrap().plans()).unwrap();
     let mut plant = Plant::new(&PlantFile::from(&drive), drive.control.sample_time);
     let (mut input, mut answer) = (Vec::new(), Vec::new());
     let mut current: Current = Current(0.0);

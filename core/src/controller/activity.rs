@@ -7,12 +7,13 @@ use crate::encoder::Reading;
 use crate::excitation::{self, Excitation};
 use crate::fault::Fault;
 use crate::mode::Mode;
-use crate::moves::rigid;
+use crate::moves;
 use crate::observer::StateObserver;
 use crate::protection;
 use crate::reaction_force;
 use crate::rest::{self, Rest};
-use crate::units::{Current, Place, Velocity};
+use crate::standstill;
+use crate::units::{Current, Force, Place, Velocity};
 
 /// A mode with its memory.
 #[derive(Clone, Debug)]
@@ -119,7 +120,7 @@ pub(super) enum ExcitationStart {
 pub(super) struct Running<const N: usize, O: StateObserver<N>> {
     pub(super) start: Start,
     /// Of the closed loop, from its first period on.
-    pub(super) memory: Option<Loop<O::Memory>>,
+    pub(super) memory: Option<Loop<N, O::Memory>>,
     /// The target that is waiting.
     pub(super) asked: Option<Request>,
     /// The stand that a fault asks for.
@@ -150,6 +151,8 @@ pub(super) enum Start {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stopping {
     fault: Fault,
+    /// Where it is held.
+    pub(super) place: Place,
     rest: rest::Memory,
     periods: u32,
 }
@@ -162,6 +165,7 @@ impl Stopping {
     pub(super) fn new(fault: Fault, place: Place) -> Self {
         Self {
             fault,
+            place,
             rest: rest::Memory::default().moved_to(place),
             periods: 0,
         }
@@ -177,12 +181,50 @@ impl Stopping {
 
 /// Memory of the closed loop, part by part in the order of the corridor.
 #[derive(Clone, Debug)]
-pub(super) struct Loop<M> {
+pub(super) struct Loop<const N: usize, M> {
     pub(super) disturbance: disturbance::Memory,
     pub(super) reaction_force: reaction_force::Memory,
     pub(super) observer: M,
     /// What all positions are relative to.
     pub(super) target: Place,
-    pub(super) moves: rigid::Memory,
+    pub(super) moves: moves::Memory<N>,
+    pub(super) standstill: standstill::Memory,
+    /// What of the current that is applied now is fed forward: for the move, and for friction.
+    pub(super) fed: Fed,
+    /// The force that the reference's load exerts, beside what the observers find.
+    pub(super) expected: Expected,
     pub(super) protection: protection::Memory,
+}
+
+/// Currents that are fed forward.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Fed {
+    /// `i_ff`.
+    pub(super) moves: Current,
+    /// What friction takes.
+    pub(super) friction: Current,
+}
+
+/// What the reaction force of the reference is made of.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Expected {
+    displacement: f32,
+    feed_forward: f32,
+}
+
+impl Expected {
+    /// Force that the load exerts on an actuator that moves as the reference does: `k_f i_ff − m_a s v_a`,
+    /// both over the last two periods.
+    pub(super) fn step(
+        &mut self,
+        displacement: f32,
+        feed_forward: Current,
+        (mass, force_constant, sample_time): (f32, f32, f32),
+    ) -> Force {
+        let acceleration = (displacement - self.displacement) / (sample_time * sample_time);
+        let current = 0.5 * (feed_forward.0 + self.feed_forward);
+        self.displacement = displacement;
+        self.feed_forward = feed_forward.0;
+        Force(force_constant * current - mass * acceleration)
+    }
 }

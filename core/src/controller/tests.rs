@@ -5,14 +5,15 @@ extern crate std;
 use super::*;
 use crate::actuator::Actuator;
 use crate::amplifier::Amplifier;
-use crate::moves::rigid::MotionLimits;
+use crate::friction::FrictionFeedForward;
+use crate::moves::plans::Plans;
 use crate::observer::{Anchored, LinearObserver};
 use crate::protection::{ProtectionLimits, Travel};
 use crate::regulator::MassGain;
 use proptest::prelude::*;
 use std::vec::Vec;
 
-type Drive = Controller<1, Anchored<1, 5>>;
+type Drive = Controller<'static, 1, Anchored<1, 5>>;
 
 /// One load that follows the actuator rigidly, no correction: PD control on the encoder.
 fn settings() -> Settings<1, Anchored<1, 5>> {
@@ -55,11 +56,16 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
             current_limit: 2.0,
             current_resolution: 1e-3,
         },
-        motion: MotionLimits {
-            velocity: 0.5,
-            acceleration: 20.0,
-            jerk: 1000.0,
-            total_mass: 0.116,
+        total_mass: 0.116,
+        friction: FrictionFeedForward {
+            coulomb: 0.0,
+            viscous: 0.0,
+            smoothing: 1e-3,
+        },
+        standstill: Standstill {
+            tolerance: 50e-6,
+            settling: 100,
+            rate: 0.01,
         },
         holding_force: 0.0,
         // So wide that the tests of the corridor see nothing of them.
@@ -80,9 +86,17 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
     }
 }
 
+/// A rigid machine of 0.116 kg: from rest to rest over 20 mm by 1.8 A, 9.8 ms each way and as long again for
+/// the rest, and to 0.5 m/s in 5 ms, in closed form.
+static PLANS: Plans<'static> = crate::moves::tests::RIGID;
+
+fn drive(settings: &Settings<1, Anchored<1, 5>>) -> Drive {
+    Controller::new(settings, PLANS).unwrap()
+}
+
 /// A drive that has something to play.
 fn new() -> Drive {
-    Controller::new(&settings())
+    Controller::new(&settings(), PLANS)
         .unwrap()
         .with_excitation(EXCITATION)
 }
@@ -209,7 +223,8 @@ fn targets_out_of_reach_are_faults() {
 #[test]
 fn a_move_waits_for_the_one_under_way() {
     let mut controller = running();
-    controller.request(Request::Move(Place(10000))).unwrap();
+    // All that the plans may use.
+    controller.request(Request::Move(Place(39000))).unwrap();
     controller.step(measured(0, 0.0));
     controller.request(Request::Move(Place(-10000))).unwrap();
     let mut highest = 0.0_f32;
@@ -220,7 +235,7 @@ fn a_move_waits_for_the_one_under_way() {
         controller.step(measured(count as u32 & 0xFFFF, 0.0));
         highest = highest.max(reference);
     }
-    assert_eq!(highest, 0.01);
+    assert!((highest - 0.039).abs() < 1e-7, "{highest}");
     assert_eq!(controller.telemetry().reference, -0.01);
 }
 
@@ -402,7 +417,7 @@ fn settings_that_cannot_be_run_are_refused() {
     let refused = |change: fn(&mut Settings<1, Anchored<1, 5>>)| {
         let mut settings = settings();
         change(&mut settings);
-        Controller::new(&settings).err()
+        Controller::new(&settings, PLANS).err()
     };
     assert_eq!(refused(|_| ()), None);
     assert_eq!(
@@ -452,7 +467,7 @@ fn settings_survive_a_wire() {
 
 #[test]
 fn a_drive_without_a_profile_refuses_to_excite() {
-    let mut controller = Controller::new(&settings()).unwrap();
+    let mut controller = drive(&settings());
     let refusal = controller.request(Request::Excite).unwrap_err();
     assert_eq!(
         (refusal.mode, refusal.reason),
@@ -465,7 +480,7 @@ fn a_drive_without_a_profile_refuses_to_excite() {
 fn protected(change: impl FnOnce(&mut ProtectionLimits<1>)) -> Drive {
     let mut settings = settings();
     change(&mut settings.protection);
-    let mut controller = Controller::new(&settings).unwrap();
+    let mut controller = drive(&settings);
     commission(&mut controller);
     controller.request(Request::Start).unwrap();
     controller
@@ -577,12 +592,12 @@ fn no_move_begins_while_the_drive_brakes() {
         velocity += acceleration * 1e-3;
     }
     assert_eq!(controller.mode(), Mode::Fault(Fault::Thermal));
-    // The period that found the fault still followed the move.
-    let [first, stand, rest @ ..] = &references[..] else {
-        panic!("{references:?}")
-    };
-    assert!(rest.len() > 10 && first != stand, "{references:?}");
-    assert!(rest.iter().all(|reference| reference == stand));
+    assert!(references.len() > 10, "{references:?}");
+    assert!(
+        references
+            .iter()
+            .all(|reference| *reference == references[0])
+    );
 }
 
 /// The heat of the motor outlives the run and its mode, and fades as `exp(−t/τ)` without current: started
@@ -593,7 +608,7 @@ fn a_hot_motor_stays_hot() {
         let mut settings = settings();
         let protection = &mut settings.protection;
         (protection.continuous_current, protection.thermal_time) = (0.3, 0.1);
-        let mut controller = Controller::new(&settings).unwrap();
+        let mut controller = drive(&settings);
         commission(&mut controller);
         let count = controller.telemetry().count;
         // 2 A until the mean square is 4 A² but for e⁻¹⁰.
@@ -761,7 +776,7 @@ fn with_travel() -> Drive {
         lowest: Place(-10_000),
         highest: Place(20_000),
     });
-    Controller::new(&settings).unwrap()
+    drive(&settings)
 }
 
 #[test]
@@ -820,7 +835,7 @@ fn a_holding_force_carries_the_machine() {
         [0.0, 0.0, 0.0, 1.0, 0.0],
     ];
     settings.observer = Anchored::new(LinearObserver::new(transition, input, output, none));
-    let mut controller = Controller::new(&settings).unwrap();
+    let mut controller = drive(&settings);
     controller.request(Request::Commission).unwrap();
     let commands = closed_loop(&mut controller, 0, -1.0, 1500);
     let first = commands.iter().find(|command| command.enable).unwrap();
@@ -854,7 +869,7 @@ fn changed_settings_are_found() {
         } = &settings;
         Protection::new(protection, (actuator, encoder, limits), (0.116, 0.0), 1e-3)
     };
-    let changes: [Change<'_>; 15] = [
+    let changes: [Change<'_>; 17] = [
         &|parts| parts.protection = protection(|settings| settings.protection.velocity = 1.0),
         &|parts| parts.protection = protection(|settings| settings.protection.encoder_step = 2.0),
         &|parts| parts.protection = protection(|settings| settings.protection.stiction = 2.0),
@@ -873,7 +888,9 @@ fn changed_settings_are_found() {
         &|parts| parts.sample_time = 0.0,
         &|parts| parts.holding_force.0 = -1.0,
         &|parts| parts.encoder.resolution *= 2.0,
-        &|parts| parts.moves = RigidMoves::new(settings().motion, 1.0, 1e-3),
+        &|parts| parts.moves = Moves::new(PLANS, 1.0, 1e-6),
+        &|parts| parts.friction.coulomb = 1.0,
+        &|parts| parts.standstill.tolerance = 1.0,
         &|parts| parts.rest = Rest::new(&parts.encoder, &settings().actuator, &parts.limits, 1.0),
         &|parts| {
             parts.disturbance = DisturbanceObserver::new(&settings().actuator, 300.0, 1e-3);

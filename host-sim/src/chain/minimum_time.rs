@@ -16,22 +16,19 @@
 //! all are to be at rest `PERIODS` periods of the slowest mode later, or half the least time to rest later
 //! where that is more. The horizon is part of the definition. With a longer one the controlled mass could be held
 //! in its band while the last mass swings ever wilder beside it (default drive, 30 mm: 57 ms with this horizon,
-//! 55 ms with a third more, 51 ms with twice, 43 ms with two and two thirds as much), which no one would call
-//! settled.
+//! 52 ms with twice, 46 ms with two and a half times as much), which no one would call settled.
 //!
 //! Where a horizon would have more than `HOLDS` periods, the current is held over several of them, and the
 //! first hold is shorter, so that every whole number of periods can still be told. Such a time can be kept, as
 //! far as the band is kept between the instants at which it is looked at (eight in a hold at most), so it is an
-//! upper estimate of the bound. How far above is not known in general; for the default drive at control periods
-//! of 0.1 and 0.2 ms no difference was found with ten times as many holds.
+//! upper estimate of the bound. How far above is not known in general; the tests have it within one hold.
 
-mod modal;
 mod programme;
 
 use super::Chain;
+use super::modal::Modal;
 use crate::error::NoSolution;
 use crate::linear::Result;
-use modal::Modal;
 use nalgebra::DVector;
 use programme::{Horizon, Programme};
 use serde::Serialize;

@@ -36,7 +36,7 @@ impl DesignCommand {
         let origin = self.drive.name();
         let sound = assessment.require_sound();
         if let (Some(path), true) = (&self.rust, sound.is_ok()) {
-            write_file(path, gains_source(&design, &origin).as_bytes())?;
+            write_file(path, gains_source(&design, &origin)?.as_bytes())?;
         }
         if let Some(path) = &self.plot {
             write_file(path, horizon::plot(&design)?.as_bytes())?;

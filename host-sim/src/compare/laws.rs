@@ -20,7 +20,7 @@ use crate::simulate::{Control, Core, FullState};
 use std::f64::consts::TAU;
 
 /// Makes the law for a plant.
-pub(super) type Make<'a> = Box<dyn Fn(&Case) -> Result<Box<dyn Control>> + Sync + 'a>;
+pub(super) type Make<'a> = Box<dyn Fn(&Case) -> Result<Box<dyn Control + 'a>> + Sync + 'a>;
 
 /// The law of a point in a box, and what that point says.
 pub(super) type Form<'a> = Box<dyn Fn(&[f64]) -> Result<(Tuning, Make<'a>)> + Sync + 'a>;
@@ -42,7 +42,7 @@ pub(super) fn designed(design: &Design) -> [(&'static str, Make<'_>); 2] {
     [
         (
             "full state",
-            Box::new(|_| Ok(Box::new(FullState::new(design, scenario())))),
+            Box::new(|_| Ok(Box::new(FullState::new(design, scenario())?))),
         ),
         (
             "drive",
@@ -238,9 +238,13 @@ fn tuned_drive(design: &Design) -> Tuned<'_> {
         drive.observer.design = ObserverMethod::Kalman;
         drive.observer.load_force_ratio = settings.load_force_ratio;
         drive.observer.disturbance_rate = settings.disturbance_rate;
-        let design = Design::new(&drive)?;
-        let make: Make<'_> =
-            Box::new(move |case: &Case| Ok(Box::new(Core::new(&design, &case.plant, scenario())?)));
+        let tuned = Design::new(&drive)?;
+        // Plans do not depend on the weights.
+        let plans = design.plans()?;
+        let make: Make<'_> = Box::new(move |case: &Case| {
+            let core = Core::with_plans(&tuned, plans, &case.plant, scenario())?;
+            Ok(Box::new(core))
+        });
         Ok((Tuning::Weights(settings), make))
     };
     Tuned {

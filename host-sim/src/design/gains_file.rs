@@ -1,8 +1,10 @@
 //! The gains as Rust source: `firmware/src/gains.rs`.
 
 use super::Design;
+use super::plans::PlanTable;
 use crate::machine::Units;
 use arso_core::Settings;
+use arso_core::moves::plans::row_words;
 use arso_core::observer::{LinearObserver, StateObserver};
 use arso_core::protection::Travel;
 use std::fmt::Write;
@@ -21,6 +23,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
     observer: impl FnOnce(LinearObserver<S>) -> O,
     name: &str,
     origin: &str,
+    plans: &PlanTable,
 ) -> String {
     let LinearObserver {
         transition,
@@ -33,7 +36,6 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         encoder,
         actuator,
         limits,
-        motion,
         protection,
         regulator,
         ..
@@ -42,8 +44,6 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         mass,
         position,
         velocity,
-        acceleration,
-        jerk,
         force,
         force_constant,
         position_gain,
@@ -63,11 +63,13 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          use arso_core::actuator::Actuator;\n\
          use arso_core::amplifier::Amplifier;\n\
          use arso_core::encoder::Encoder;\n\
+         use arso_core::friction::FrictionFeedForward;\n\
          use arso_core::limits::Limits;\n\
-         use arso_core::moves::rigid::MotionLimits;\n\
+         use arso_core::moves::plans::{{Plan, Plans}};\n\
          use arso_core::observer::{{{name}, LinearObserver}};\n\
          use arso_core::protection::ProtectionLimits;\n\
          use arso_core::regulator::{{MassGain, Regulator}};\n\
+         use arso_core::standstill::Standstill;\n\
          \n\
          /// Linear or rotary: which units all numbers are in.\n\
          pub const KIND: &str = \"{kind}\";\n\
@@ -145,12 +147,9 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         "{I}{I}],\n\
          {I}}},\n\
          {I}limits: Limits {{ current_limit: {:?}, current_resolution: {:?} }}, // A\n\
-         {I}motion: MotionLimits {{\n\
-         {I}{I}velocity: {:?}, // {velocity}\n\
-         {I}{I}acceleration: {:?}, // {acceleration}\n\
-         {I}{I}jerk: {:?}, // {jerk}\n\
-         {I}{I}total_mass: {:?}, // {mass}\n\
-         {I}}},\n\
+         {I}total_mass: {:?}, // {mass}\n\
+         {I}friction: {:?}, // {force}, {velocity}\n\
+         {I}standstill: {:?}, // {position}, periods\n\
          {I}holding_force: {:?}, // {force}\n\
          {I}protection: ProtectionLimits {{\n\
          {I}{I}encoder_step: {:?}, // {position}\n\
@@ -169,10 +168,9 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          }};\n",
         limits.current_limit,
         limits.current_resolution,
-        motion.velocity,
-        motion.acceleration,
-        motion.jerk,
-        motion.total_mass,
+        settings.total_mass,
+        settings.friction,
+        settings.standstill,
         settings.holding_force,
         protection.encoder_step,
         protection.velocity,
@@ -186,6 +184,33 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         protection.continuous_current,
         protection.thermal_time,
     );
+    let plans = plans.plans();
+    let _ = write!(
+        text,
+        "\n\
+         /// The planned moves.\n\
+         #[rustfmt::skip]\n\
+         pub static PLANS: Plans<'static> = Plans {{\n\
+         {I}stride: {:?},\n\
+         {I}displacements: &[\n",
+        plans.stride
+    );
+    for plan in plans.displacements {
+        let _ = writeln!(text, "{I}{I}{plan:?},");
+    }
+    let _ = write!(
+        text,
+        "{I}],\n\
+         {I}change: {:?},\n\
+         {I}run: {:?},\n\
+         {I}rows: &[\n",
+        plans.change, plans.run
+    );
+    for row in plans.rows.chunks(row_words(N)) {
+        let words: Vec<String> = row.iter().map(|word| format!("{word},")).collect();
+        let _ = writeln!(text, "{I}{I}{}", words.join(" "));
+    }
+    let _ = write!(text, "{I}],\n}};\n");
     text
 }
 

@@ -7,8 +7,8 @@
 //! | limit | where not stated |
 //! |---|---|
 //! | `encoder_step` | 12 counts, and over `T²/m_a`: 35 % of `F`, friction turning round, the first spring at twice the velocity limit |
-//! | `velocity` | 4 `v` |
-//! | `following_error` | what 4 `v` makes in one period of the slowest mode |
+//! | `velocity` | 1.25 `v`, and half of what `F` gives `M` by itself |
+//! | `following_error` | what that makes in one period of the slowest mode |
 //! | `reaction_force` | 2 `F` |
 //! | `disturbance` | 15 % of `F`, and three times the declared Coulomb friction |
 //! | `innovation` | 15 % of `F` |
@@ -56,7 +56,7 @@ pub struct Protection {
 /// Shares and factors of the table above.
 const COUNTS: f64 = 12.0;
 const CURRENT_ERROR: f64 = 0.35;
-const FASTER: f64 = 4.0;
+const FASTER: f64 = 1.25;
 const DISTURBANCE: (f64, f64) = (0.15, 3.0);
 const INNOVATION: f64 = 0.15;
 const FORCE: f64 = 2.0;
@@ -75,7 +75,9 @@ impl Protection {
         let force = chain.force_constant * drive.actuator.current_limit;
         let coulomb = drive.friction.coulomb;
         let slowest = design.modes().first().map_or(1.0, |mode| mode.frequency_hz);
-        let velocity = stated.velocity.unwrap_or(FASTER * design.motion.velocity);
+        let velocity = stated
+            .velocity
+            .unwrap_or((FASTER * design.motion.velocity).max(0.5 * design.motion.natural_velocity));
         let spring = 2.0 * velocity * period * chain.stiffness[0];
         let encoder_step = COUNTS * drive.encoder.resolution
             + (CURRENT_ERROR * force + 2.0 * coulomb + spring) * period * period / chain.mass[0];

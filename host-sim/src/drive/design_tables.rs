@@ -3,7 +3,7 @@
 use super::document::{Document, LARGEST, SMALLEST};
 use super::schema::{Number, RawControl, RawCost, RawMotion, RawObserver, RawProtection};
 use super::{
-    Control, Cost, MoveLimits, Observer, ObserverMethod, ObserverSettings, StatedProtection,
+    Control, Cost, Observer, ObserverMethod, ObserverSettings, StatedMotion, StatedProtection,
     Weights,
 };
 use crate::error::Result;
@@ -155,16 +155,61 @@ impl Document<'_> {
         Ok(weights)
     }
 
-    pub(super) fn move_limits(&self, raw: &RawMotion) -> Result<MoveLimits> {
+    /// Limits of planned moves, as far as they are stated.
+    ///
+    /// * `loads`: number of load masses
+    pub(super) fn motion(&self, raw: &RawMotion, loads: usize) -> Result<StatedMotion> {
         let units = self.units();
-        Ok(MoveLimits {
-            velocity: self.positive("move.velocity", &raw.velocity, units.velocity)?,
-            acceleration: self.positive(
-                "move.acceleration",
-                &raw.acceleration,
-                units.acceleration,
+        let stated = |key: &str, value: &Option<Number>, unit: &str| {
+            let value = value.as_ref();
+            value
+                .map(|value| self.positive(&format!("move.{key}"), value, unit))
+                .transpose()
+        };
+        let share = raw.current_share.as_ref().map(|share| {
+            let ok = *share.get_ref() > 0.0 && *share.get_ref() <= 1.0;
+            self.checked("move.current_share", share, ok, "above 0 and at most 1")
+        });
+        let table = raw.table.as_ref().map(|table| {
+            let bytes = usize::try_from(*table.get_ref()).unwrap_or(0);
+            if (1024..=1 << 20).contains(&bytes) {
+                Ok(bytes)
+            } else {
+                let message = format!(
+                    "move.table = {}: must be from 1024 to 1048576 bytes",
+                    table.get_ref()
+                );
+                Err(self.error(Some(table.span()), message))
+            }
+        });
+        let deflection = raw.deflection.as_ref().map(|deflection| {
+            let entries = deflection.get_ref();
+            if entries.len() != loads {
+                let message = format!(
+                    "move.deflection has {} entries: must have {loads}, one per spring",
+                    entries.len()
+                );
+                return Err(self.error(Some(deflection.span()), message));
+            }
+            let entries = entries.iter().enumerate();
+            entries
+                .map(|(i, value)| {
+                    self.positive(&format!("move.deflection[{i}]"), value, units.position)
+                })
+                .collect::<Result<Vec<_>>>()
+        });
+        Ok(StatedMotion {
+            velocity: stated("velocity", &raw.velocity, units.velocity)?,
+            acceleration: stated("acceleration", &raw.acceleration, units.acceleration)?,
+            jerk: stated("jerk", &raw.jerk, units.jerk)?,
+            deflection: deflection.transpose()?,
+            current_share: share.transpose()?,
+            table: table.transpose()?,
+            settling_tolerance: stated(
+                "settling_tolerance",
+                &raw.settling_tolerance,
+                units.position,
             )?,
-            jerk: self.positive("move.jerk", &raw.jerk, units.jerk)?,
         })
     }
 

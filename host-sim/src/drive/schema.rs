@@ -33,7 +33,7 @@ pub(super) struct RawFile {
     /// that follow from the drive when absent.
     #[schemars(with = "Option<RawCost>")]
     pub(super) cost: Option<Spanned<RawCost>>,
-    /// Limits of a planned move; derived from current limit and slowest mode when absent.
+    /// Limits of planned moves, each left to the design when absent.
     #[serde(rename = "move")]
     pub(super) motion: Option<RawMotion>,
     /// Limits of a running drive, each derived from drive and gains when absent.
@@ -184,22 +184,34 @@ pub(super) struct RawObserver {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawMotion {
-    /// m/s.
-    #[schemars(with = "f64")]
-    pub(super) velocity: Number,
-    /// m/s^2.
-    #[schemars(with = "f64")]
-    pub(super) acceleration: Number,
-    /// m/s^3.
-    #[schemars(with = "f64")]
-    pub(super) jerk: Number,
+    /// Of the actuator, m/s.
+    #[schemars(with = "Option<f64>")]
+    pub(super) velocity: Option<Number>,
+    /// Of the actuator, m/s^2; none when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) acceleration: Option<Number>,
+    /// Of the actuator, m/s^3; none when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) jerk: Option<Number>,
+    /// Most that each spring may be stretched or compressed, from the actuator outwards, m; none when absent.
+    #[schemars(with = "Option<Vec<f64>>")]
+    pub(super) deflection: Option<Spanned<Vec<Number>>>,
+    /// Share of the current limit that planned moves may use, above 0 and up to 1; 0.97 when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) current_share: Option<Number>,
+    /// Most bytes of the table of plans in the drive's memory; 65536 when absent.
+    #[schemars(with = "Option<i64>")]
+    pub(super) table: Option<Spanned<i64>>,
+    /// How far from its target the actuator may come to rest, m; 50 um or 5 counts when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) settling_tolerance: Option<Number>,
 }
 
 /// Friction on the actuator.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawFriction {
-    /// N: in the simulated plant alone.
+    /// N: fed forward by the drive, and in the simulated plant.
     #[schemars(with = "Option<f64>")]
     pub(super) coulomb: Option<Number>,
     /// N s/m: in the design and in the simulated plant.

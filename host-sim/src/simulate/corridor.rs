@@ -4,6 +4,7 @@
 //! is instantiated once and hidden behind [`Corridor`]. What runs is the core of the firmware,
 //! `f32` and all.
 
+use crate::design::plans::PlanTable;
 use crate::design::{Design, gains_file::gains_file};
 use crate::drive::{MAX_LOADS, Observer};
 use crate::error::{self, Error};
@@ -37,7 +38,7 @@ pub fn estimate(record: &Record) -> impl Iterator<Item = f64> {
     of_a_mass.map(|column| column.value)
 }
 
-impl<const N: usize, O: StateObserver<N> + Clone> Corridor for Controller<N, O> {
+impl<const N: usize, O: StateObserver<N> + Clone> Corridor for Controller<'_, N, O> {
     fn request(&mut self, request: Request) -> Result<(), Refusal> {
         Controller::request(self, request)
     }
@@ -74,33 +75,52 @@ macro_rules! with_sizes {
     };
 }
 
-/// The core with a design's gains, and what it can play.
+/// The core with a design's gains and plans, and what it can play.
 ///
 /// # Errors
-/// When the core refuses the settings.
+/// [`Error::Design`] when the core refuses the settings, or there are no plans.
 pub fn corridor(
     design: &Design,
     excitation: Option<Excitation>,
-) -> Result<Box<dyn Corridor>, SettingsError> {
-    fn build<const N: usize, const S: usize, O: StateObserver<N> + Clone + 'static>(
+) -> error::Result<Box<dyn Corridor + '_>> {
+    corridor_with_plans(design, design.plans()?, excitation)
+}
+
+/// The same with plans of another design for the same machine.
+///
+/// # Errors
+/// [`Error::Design`] when the core refuses the settings.
+pub(crate) fn corridor_with_plans<'d>(
+    design: &Design,
+    plans: &'d PlanTable,
+    excitation: Option<Excitation>,
+) -> error::Result<Box<dyn Corridor + 'd>> {
+    fn build<'d, const N: usize, const S: usize, O: StateObserver<N> + Clone + 'd>(
         design: &Design,
         observer: impl FnOnce(LinearObserver<S>) -> O,
         _: &str,
+        plans: &'d PlanTable,
         excitation: Option<Excitation>,
-    ) -> Result<Box<dyn Corridor>, SettingsError> {
-        let controller = Controller::new(&design.settings(observer))?;
+    ) -> error::Result<Box<dyn Corridor + 'd>> {
+        let unfit = |error: SettingsError| Error::Design(error.to_string());
+        let settings = design.settings(observer);
+        let controller = Controller::new(&settings, plans.plans()).map_err(unfit)?;
         Ok(match excitation {
             Some(excitation) => Box::new(controller.with_excitation(excitation)),
             None => Box::new(controller),
         })
     }
-    with_sizes!(build(design, excitation))
+    with_sizes!(build(design, plans, excitation))
 }
 
 /// The gains file for the firmware; `origin` says where the drive was described.
 #[must_use]
-pub fn gains_source(design: &Design, origin: &str) -> String {
-    with_sizes!(gains_file(design, origin))
+///
+/// # Errors
+/// [`Error::Design`] when there are no plans.
+pub fn gains_source(design: &Design, origin: &str) -> error::Result<String> {
+    let plans = design.plans()?;
+    Ok(with_sizes!(gains_file(design, origin, plans)))
 }
 
 /// Checksum of what the firmware logs in serialised form.
@@ -117,7 +137,11 @@ pub fn fingerprint(design: &Design) -> error::Result<u32> {
         _: &str,
     ) -> error::Result<u32> {
         let failed = |error| Error::Report(format!("the settings cannot be serialised: {error}"));
-        let bytes = postcard::to_allocvec(&design.settings::<N, S, O>(observer)).map_err(failed)?;
+        let all = (
+            design.settings::<N, S, O>(observer),
+            design.plans()?.plans(),
+        );
+        let bytes = postcard::to_allocvec(&all).map_err(failed)?;
         Ok(CHECKSUM.checksum(&bytes))
     }
     with_sizes!(of(design))

@@ -3,6 +3,7 @@
 use crate::chain::Chain;
 use crate::design::paper;
 use crate::machine::Kind;
+use arso_core::{Place, Request};
 use nalgebra::DVector;
 
 /// How the drive is sent to its target.
@@ -10,7 +11,7 @@ use nalgebra::DVector;
 pub enum Approach {
     /// The reference steps, as in the paper.
     Step,
-    /// Jerk-limited move with feed-forward.
+    /// Planned move.
     Move,
 }
 
@@ -72,7 +73,7 @@ pub const SCENARIOS: [Scenario; 5] = [
     },
     Scenario {
         name: "move",
-        linear_title: "jerk-limited move of 30 mm",
+        linear_title: "planned move of 30 mm",
         approach: Approach::Move,
         target: 0.03,
         start: Start::Origin,
@@ -90,6 +91,18 @@ impl Scenario {
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Scenario> {
         SCENARIOS.iter().find(|scenario| scenario.name == name)
+    }
+
+    /// What is asked of the drive.
+    ///
+    /// * `resolution`: of its encoder, m
+    #[must_use]
+    pub fn request(&self, resolution: f64) -> Request {
+        let target = Place((self.target / resolution).round() as i64);
+        match self.approach {
+            Approach::Step => Request::Step(target),
+            Approach::Move => Request::Move(target),
+        }
     }
 
     /// What it shows, in the units of a kind of drive.

@@ -20,7 +20,7 @@ mod gains;
 
 #[cfg(target_os = "none")]
 mod replay {
-    use crate::gains::{GAINS, LOADS};
+    use crate::gains::{GAINS, LOADS, PLANS};
     use arso_core::{Controller, Counts, Current, Measurement, Place, Request};
     use cortex_m_rt::entry;
     use cortex_m_semihosting::{debug, nr, syscall};
@@ -51,7 +51,7 @@ mod replay {
     fn replay() -> Option<()> {
         let input = open(b"recording.bin\0", nr::open::R_BINARY)?;
         let output = open(b"commands.bin\0", nr::open::RW_TRUNC_BINARY)?;
-        let mut controller = Controller::new(&GAINS).ok()?;
+        let mut controller = Controller::new(&GAINS, PLANS).ok()?;
         loop {
             let mut step = [0_u8; STEP];
             // SAFETY: the buffer is as long as said; returns the bytes that are left to read.

@@ -13,7 +13,7 @@
 //! states are unknowns of their own: the programme is long and thin, its effort grows with the horizon and no
 //! faster, and no power of `F` is formed.
 
-use super::modal::Modal;
+use crate::chain::modal::Modal;
 use crate::error::NoSolution;
 use crate::linear::Result;
 use crate::linear::zoh::zero_order_hold;

@@ -59,8 +59,8 @@ pub(super) fn force_noise(design: &Design) -> f64 {
 pub(super) fn counts_per_period(design: &Design) -> Result<Check> {
     let drive = &design.drive;
     let counts = |speed: f64| speed * drive.control.sample_time / drive.encoder.resolution;
-    let certain = step_speed(design)?.max(match &drive.motion {
-        Some(stated) => stated.velocity,
+    let certain = step_speed(design)?.max(match drive.motion.velocity {
+        Some(stated) => stated,
         None => move_speed(design),
     });
     let value = counts(certain.max(design.motion.velocity));
@@ -123,17 +123,17 @@ fn step_speed(design: &Design) -> Result<f64> {
     Ok(fastest)
 }
 
-/// Fastest in a planned move as long as that step, m/s: what acceleration and jerk let it reach.
+/// Fastest in a planned move as long as that step, m/s: what the motor can make of a rigid machine.
 pub(super) fn move_speed(design: &Design) -> f64 {
-    let limits = &design.motion;
-    let (a, j) = (limits.acceleration, limits.jerk);
-    // Half of the way in two ramps of the acceleration, to its limit or not.
-    let short = j * (paper::STEP / (2.0 * j)).powf(2.0 / 3.0);
-    let reached = if short <= a * a / j {
-        short
-    } else {
-        let ramp = a * a / j;
-        0.5 * (f64::sqrt(ramp * ramp + 4.0 * a * paper::STEP) - ramp)
-    };
-    reached.min(limits.velocity)
+    let actuator = &design.drive.actuator;
+    let force = design.chain.force_constant * actuator.current_limit;
+    let largest = force / design.drive.total_mass();
+    let acceleration = design
+        .motion
+        .acceleration
+        .map_or(largest, |a| a.min(largest));
+    // Half of the way to speed up.
+    (acceleration * paper::STEP)
+        .sqrt()
+        .min(design.motion.velocity)
 }

@@ -158,7 +158,7 @@ fn the_counter_check_foretells_the_jump() {
         design(|drive| {
             drive.encoder.resolution = resolution;
             // So slow that the step alone counts.
-            drive.motion.as_mut().unwrap().velocity = 1e-3;
+            drive.motion.velocity = Some(1e-3);
             unprotected(drive);
         })
     };
@@ -177,26 +177,23 @@ fn the_counter_check_foretells_the_jump() {
     }
 }
 
-/// A move's fastest is what the core's own planner makes of it, in each of its shapes.
+/// A move gets no faster than the check expects, by a fifth, which the warning's margin covers; with a
+/// velocity limit no faster at all.
 #[test]
-fn the_fastest_of_a_move_is_that_of_its_plan() {
-    use arso_core::Position;
-    use arso_core::moves::rigid::{Memory, RigidMoves};
-    for (velocity, acceleration) in [(0.1, 10.0), (5.0, 2.0), (5.0, 100.0)] {
-        let design = design(|drive| {
-            let motion = drive.motion.as_mut().unwrap();
-            (motion.velocity, motion.acceleration) = (velocity, acceleration);
+fn the_fastest_of_a_move_is_foreseen() {
+    for velocity in [0.1, 1.0, 5.0] {
+        let design = design(|drive| drive.motion.velocity = Some(velocity));
+        let plans = design.plans().unwrap().plans();
+        let plan = plans
+            .displacements
+            .iter()
+            .find(|plan| f64::from(plan.reach) >= paper::STEP);
+        let fastest = plan.map_or(velocity, |plan| {
+            paper::STEP * f64::from(plan.velocity) * f64::from(i16::MAX)
         });
-        let moves = RigidMoves::new(design.motion_limits(), 6.43, 1e-3);
-        let mut reference = Memory::default();
-        moves.move_by(&mut reference, Position(paper::STEP as f32));
-        let velocities = (0..2000).map(|_| moves.step::<1>(&mut reference).velocity.0);
-        let fastest = f64::from(velocities.fold(0.0, f32::max));
         let expected = encoder::move_speed(&design);
-        assert!(
-            (fastest / expected - 1.0).abs() < 0.02,
-            "{fastest} {expected}"
-        );
+        assert!(fastest < 1.2 * expected, "{fastest} {expected}");
+        assert!(fastest <= velocity * (1.0 + 1e-3), "{fastest}");
     }
 }
 

@@ -1,0 +1,421 @@
+//! Currents that take a chain from rest to rest, or to a steady velocity, within limits.
+//!
+//! The chain is sampled exactly, the current `i_k` held over a step. A [`Task`] fixes the number of steps `n`
+//! and what the chain does at their end:
+//!
+//! ```text
+//! z_0 = 0,  z_{k+1} = F z_k + G i_k
+//! displacement   every mass rests at the scale s, m
+//! change         every mass moves with the scale s, m/s, every spring at rest
+//! ```
+//!
+//! [`Task::farthest`] is the largest scale within the limits, a linear programme. [`Task::currents`] are those
+//! for a scale below it, the solution of
+//!
+//! ```text
+//! least  sum (x_c,k / s - 1)^2 + r sum i_k^2 + r sum (i_k - i_{k-1})^2 / 10      (currents over their limit)
+//! ```
+//!
+//! which brings the controlled mass to its target early with a current that is no rougher than it must be; of
+//! a change of velocity only the currents count. States are modal, over what the current does to them, and
+//! unknowns of their own: the effort grows with the steps and no faster.
+
+use super::Chain;
+use super::modal::Modal;
+use crate::error::NoSolution;
+use crate::linear::Result;
+use crate::linear::zoh::zero_order_hold;
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{
+    DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus, SupportedConeT,
+};
+use nalgebra::{DMatrix, DVector, RowDVector};
+
+/// What a plan must keep, SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathLimits {
+    /// A.
+    pub current: f64,
+    /// Of the actuator, m/s.
+    pub velocity: Option<f64>,
+    /// Of the actuator, mean over a step, m/s².
+    pub acceleration: Option<f64>,
+    /// Change of that from one step to the next, over the step, m/s³.
+    pub jerk: Option<f64>,
+    /// Of each spring, m.
+    pub deflection: Vec<Option<f64>>,
+}
+
+/// Where a transfer leads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// From rest to rest.
+    Displacement,
+    /// From rest to a steady velocity.
+    Change,
+}
+
+/// Weight `r`: between 1e-3, whose currents are at their limit most of the time, and 1, which gives away two
+/// samples of the settling time.
+const SMOOTHNESS: f64 = 0.01;
+/// Of the differences.
+const ROUGHNESS: f64 = 0.1;
+
+/// Tried one after the other: rounding keeps some programmes from being solved with the first.
+const REGULARIZATIONS: [f64; 3] = [1e-7, 1e-6, 1e-8];
+/// Residual of the motion, in states over their scale, and share by which the optimum may be missed, of a
+/// solution that will do.
+const ARRIVES: f64 = 1e-7;
+const NEAR: f64 = 1e-3;
+
+/// A transfer in a number of steps.
+pub struct Task<'a> {
+    modal: &'a Modal,
+    kind: Kind,
+    steps: usize,
+    limits: &'a PathLimits,
+    /// Of each state.
+    scale: DVector<f64>,
+    f: DMatrix<f64>,
+    g: DVector<f64>,
+    step: f64,
+}
+
+/// The chain in the form that all its transfers share.
+pub struct Prepared(Modal);
+
+impl Prepared {
+    /// * `current`: limit, A
+    ///
+    /// # Errors
+    /// [`NoSolution`] when the modes cannot be computed.
+    pub fn new(chain: &Chain, current: f64) -> Result<Self> {
+        Ok(Self(Modal::new(chain, current)?))
+    }
+
+    /// A transfer.
+    ///
+    /// * `limits`: its current must be the one this was prepared for
+    /// * `steps`: how many, of `step` seconds each
+    #[must_use]
+    pub fn task<'a>(
+        &'a self,
+        kind: Kind,
+        limits: &'a PathLimits,
+        (steps, step): (usize, f64),
+    ) -> Task<'a> {
+        let scale = self.0.scale(0.5 * steps as f64 * step);
+        let (a, b) = self.0.scaled(&scale);
+        let (f, g) = zero_order_hold(&a, &b, step);
+        Task {
+            modal: &self.0,
+            kind,
+            steps,
+            limits,
+            scale,
+            f,
+            g,
+            step,
+        }
+    }
+}
+
+/// Rows `A x + s = b` of a programme, being written.
+#[derive(Default)]
+struct Rows {
+    row: Vec<usize>,
+    column: Vec<usize>,
+    value: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl Rows {
+    fn add(&mut self, entries: impl IntoIterator<Item = (usize, f64)>, right: f64) {
+        let row = self.right.len();
+        for (column, value) in entries {
+            if value != 0.0 {
+                self.row.push(row);
+                self.column.push(column);
+                self.value.push(value);
+            }
+        }
+        self.right.push(right);
+    }
+
+    /// `|entries| <= bound`.
+    fn within(&mut self, entries: &[(usize, f64)], bound: f64) {
+        for sign in [1.0, -1.0] {
+            let entries = entries
+                .iter()
+                .map(|(column, value)| (*column, sign * value));
+            self.add(entries, bound);
+        }
+    }
+}
+
+impl Task<'_> {
+    /// Largest scale within the limits; m or m/s.
+    ///
+    /// # Errors
+    /// [`NoSolution`] when the solver fails.
+    pub fn farthest(&self) -> Result<f64> {
+        // The last unknown is the scale, over what the current does.
+        let unknowns = self.unknowns() + 1;
+        let scale = self.end_scale();
+        let mut rows = self.motion();
+        let equalities = rows.right.len();
+        self.limits(&mut rows);
+        let mut objective = vec![0.0; unknowns];
+        objective[unknowns - 1] = -1.0;
+        let quadratic = CscMatrix::zeros((unknowns, unknowns));
+        let solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
+        Ok(solution[unknowns - 1] * scale)
+    }
+
+    /// Currents that lead to a scale, A; `None` when the limits do not allow it.
+    ///
+    /// * `controlled`: mass that is to be at its target early
+    ///
+    /// # Errors
+    /// [`NoSolution`] when the solver fails.
+    pub fn currents(&self, scale: f64, controlled: usize) -> Result<Vec<f64>> {
+        let mass = match self.kind {
+            Kind::Displacement => Some(self.row(&self.modal.position(controlled)) / scale),
+            Kind::Change => None,
+        };
+        // Distances of the controlled mass, then differences of the current, behind the states.
+        let distances = self.unknowns() + 1;
+        let differences = distances + if mass.is_some() { self.steps } else { 0 };
+        let unknowns = differences + self.steps - 1;
+        let fixed = distances - 1;
+        let mut rows = self.motion();
+        rows.add([(fixed, 1.0)], scale / self.end_scale());
+        if let Some(mass) = &mass {
+            for step in 0..self.steps {
+                let mut entries = self.times(mass, step + 1);
+                entries.push((distances + step, -1.0));
+                rows.add(entries, 1.0);
+            }
+        }
+        for step in 1..self.steps {
+            let entries = [
+                (step, 1.0),
+                (step - 1, -1.0),
+                (differences + step - 1, -1.0),
+            ];
+            rows.add(entries, 0.0);
+        }
+        let equalities = rows.right.len();
+        self.limits(&mut rows);
+        let mut diagonal = vec![0.0; unknowns];
+        diagonal[..self.steps].fill(SMOOTHNESS);
+        diagonal[distances..differences].fill(1.0);
+        diagonal[differences..].fill(SMOOTHNESS * ROUGHNESS);
+        let quadratic = CscMatrix::new(
+            unknowns,
+            unknowns,
+            (0..=unknowns).collect(),
+            (0..unknowns).collect(),
+            diagonal,
+        );
+        let objective = vec![0.0; unknowns];
+        let solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
+        let currents = solution[..self.steps].iter();
+        Ok(currents
+            .map(|current| current * self.limits.current)
+            .collect())
+    }
+
+    /// Currents, then states after each step but the last; a displacement's last state is its scale, and of a
+    /// change's the position of the centre of mass is free.
+    fn unknowns(&self) -> usize {
+        let free = usize::from(self.kind == Kind::Change);
+        self.steps + self.scale.len() * (self.steps - 1) + free
+    }
+
+    fn state(&self, step: usize, element: usize) -> usize {
+        self.steps + (step - 1) * self.scale.len() + element
+    }
+
+    /// Scale of the centre of mass's position, or velocity.
+    fn end_scale(&self) -> f64 {
+        let n = self.scale.len() / 2;
+        self.scale[match self.kind {
+            Kind::Displacement => 0,
+            Kind::Change => n,
+        }]
+    }
+
+    /// A row for modal states as one for their scaled values.
+    fn row(&self, row: &RowDVector<f64>) -> RowDVector<f64> {
+        row.component_mul(&self.scale.transpose())
+    }
+
+    /// A row times the state after so many steps, one at least; after the last it is in terms of the scale.
+    fn times(&self, row: &RowDVector<f64>, step: usize) -> Vec<(usize, f64)> {
+        if step < self.steps {
+            let elements = row.iter().enumerate();
+            return elements
+                .map(|(element, value)| (self.state(step, element), *value))
+                .collect();
+        }
+        let n = self.scale.len() / 2;
+        let free = self.steps + self.scale.len() * (self.steps - 1);
+        match self.kind {
+            Kind::Displacement => vec![(free, row[0])],
+            Kind::Change => vec![(free, row[0]), (free + 1, row[n])],
+        }
+    }
+
+    /// What the current does.
+    fn motion(&self) -> Rows {
+        let mut rows = Rows::default();
+        let n = self.scale.len();
+        for step in 0..self.steps {
+            for element in 0..n {
+                let mut unit = RowDVector::zeros(n);
+                unit[element] = 1.0;
+                let mut entries = vec![(step, self.g[element])];
+                if step > 0 {
+                    entries.extend(self.times(&self.f.row(element).into_owned(), step));
+                }
+                let after = self.times(&unit, step + 1);
+                entries.extend(after.into_iter().map(|(column, value)| (column, -value)));
+                rows.add(entries, 0.0);
+            }
+        }
+        rows
+    }
+
+    fn limits(&self, rows: &mut Rows) {
+        for step in 0..self.steps {
+            rows.within(&[(step, 1.0)], 1.0);
+        }
+        let n = self.scale.len() / 2;
+        let velocity = |mass: usize| {
+            let position = self.modal.position(mass);
+            self.row(&RowDVector::from_fn(2 * n, |_, column| {
+                if column < n {
+                    0.0
+                } else {
+                    position[column - n]
+                }
+            }))
+        };
+        let actuator = velocity(0);
+        if let Some(limit) = self.limits.velocity {
+            for step in 1..=self.steps {
+                rows.within(&self.times(&(&actuator / limit), step), 1.0);
+            }
+        }
+        // A combination of the velocities at the end of this step and before.
+        let mut differences = |limit: f64, weights: &[f64]| {
+            let row = &actuator / limit;
+            for step in 1..self.steps + weights.len() - 1 {
+                let before = weights.iter().enumerate().filter(|(back, _)| *back < step);
+                let entries = before.flat_map(|(back, weight)| {
+                    self.times(&(&row * *weight), (step - back).min(self.steps))
+                });
+                rows.within(&entries.collect::<Vec<_>>(), 1.0);
+            }
+        };
+        if let Some(limit) = self.limits.acceleration {
+            differences(limit * self.step, &[1.0, -1.0]);
+        }
+        if let Some(limit) = self.limits.jerk {
+            differences(limit * self.step.powi(2), &[1.0, -2.0, 1.0]);
+        }
+        for (spring, limit) in self.limits.deflection.iter().enumerate() {
+            let Some(limit) = limit else { continue };
+            let ends = self.modal.position(spring + 1) - self.modal.position(spring);
+            let row = self.row(&ends) / *limit;
+            for step in 1..self.steps {
+                rows.within(&self.times(&row, step), 1.0);
+            }
+        }
+    }
+}
+
+/// The unknowns of a programme, the equalities first.
+fn solve(
+    quadratic: &CscMatrix<f64>,
+    objective: &[f64],
+    unknowns: usize,
+    rows: Rows,
+    equalities: usize,
+) -> Result<Vec<f64>> {
+    let failed = |why: String| {
+        NoSolution(format!(
+            "the programme of a planned move was not solved: {why}"
+        ))
+    };
+    let right = rows.right;
+    let a = CscMatrix::new_from_triplets(right.len(), unknowns, rows.row, rows.column, rows.value);
+    let cones = [
+        SupportedConeT::ZeroConeT(equalities),
+        SupportedConeT::NonnegativeConeT(right.len() - equalities),
+    ];
+    let mut status = SolverStatus::Unsolved;
+    for static_regularization_constant in REGULARIZATIONS {
+        let settings = DefaultSettings {
+            verbose: false,
+            max_threads: 1,
+            static_regularization_constant,
+            ..DefaultSettings::default()
+        };
+        let solver = DefaultSolver::new(quadratic, objective, &a, &right, &cones, settings);
+        let mut solver = solver.map_err(|error: SolverError| failed(error.to_string()))?;
+        solver.solve();
+        let solution = solver.solution;
+        let gap = (solution.obj_val - solution.obj_val_dual).abs();
+        // What is not quite the best is as good a plan, if it arrives.
+        let good = solution.r_prim < ARRIVES && gap < NEAR * solution.obj_val.abs();
+        if solution.status == SolverStatus::Solved || good {
+            return Ok(solution.x);
+        }
+        status = solution.status;
+    }
+    Err(failed(format!("{status:?}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn limits(current: f64) -> PathLimits {
+        PathLimits {
+            current,
+            velocity: None,
+            acceleration: None,
+            jerk: None,
+            deflection: vec![None; 3],
+        }
+    }
+
+    /// Another program's distances for the default drive at 2 A.
+    #[test]
+    fn distances_are_those_computed_elsewhere() {
+        let chain = Chain::of_table_1(300.0, 0.1);
+        let limits = limits(2.0);
+        let prepared = Prepared::new(&chain, 2.0).unwrap();
+        for (steps, distance) in [
+            (40, 0.09e-3),
+            (50, 0.599e-3),
+            (60, 3.09e-3),
+            (70, 12.52e-3),
+            (78, 32.5e-3),
+            (80, 40.1e-3),
+            (100, 170e-3),
+            (200, 1.0743),
+        ] {
+            let start = std::time::Instant::now();
+            let task = prepared.task(Kind::Displacement, &limits, (steps, 1e-3));
+            let found = task.farthest().unwrap();
+            let lp = start.elapsed();
+            let currents = task.currents(0.9 * found, 2).unwrap();
+            println!("{steps} {found} {lp:?} {:?}", start.elapsed());
+            assert!((found / distance - 1.0).abs() < 0.06, "{steps}: {found}");
+            assert!(currents.iter().all(|i| i.abs() <= 2.0 + 1e-6));
+        }
+    }
+}
