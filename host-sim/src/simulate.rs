@@ -14,7 +14,7 @@ pub mod corridor;
 pub mod ending;
 pub mod metrics;
 pub mod plant;
-mod player;
+pub(crate) mod player;
 pub mod scenario;
 pub mod watch;
 

@@ -18,7 +18,7 @@ fn the_firmware_has_the_gains_of_the_default_drive() {
     let design = Design::new(&Drive::default_drive()).unwrap();
     let current = include_str!("../../firmware/src/gains.rs");
     assert!(
-        gains_source(&design, DEFAULT_NAME) == current,
+        gains_source(&design, DEFAULT_NAME).unwrap() == current,
         "firmware/src/gains.rs is not what the default drive designs: \
          run `cargo run --release -- design --rust firmware/src/gains.rs`"
     );

@@ -5,6 +5,8 @@ use super::*;
 use crate::design::assessment::Assessment;
 use crate::drive::{Drive, Observer, StatedProtection};
 use crate::linear::margins::Margins;
+use crate::simulate::player::player;
+use arso_core::{Place, Request};
 
 fn design(change: impl FnOnce(&mut Drive)) -> Design {
     let mut drive = Drive::default_drive();
@@ -183,14 +185,11 @@ fn the_counter_check_foretells_the_jump() {
 fn the_fastest_of_a_move_is_foreseen() {
     for velocity in [0.1, 1.0, 5.0] {
         let design = design(|drive| drive.motion.velocity = Some(velocity));
-        let plans = design.plans().unwrap().plans();
-        let plan = plans
-            .displacements
-            .iter()
-            .find(|plan| f64::from(plan.reach) >= paper::STEP);
-        let fastest = plan.map_or(velocity, |plan| {
-            paper::STEP * f64::from(plan.velocity) * f64::from(i16::MAX)
-        });
+        let mut player = player(&design).unwrap();
+        let counts = paper::STEP / design.drive.encoder.resolution;
+        player.ask(Request::Move(Place(counts.round() as i64)));
+        let speeds = (0..1000).map(|_| player.step().unwrap().velocity.0.abs());
+        let fastest = f64::from(speeds.fold(0.0, f32::max));
         let expected = encoder::move_speed(&design);
         assert!(fastest < 1.2 * expected, "{fastest} {expected}");
         assert!(fastest <= velocity * (1.0 + 1e-3), "{fastest}");
