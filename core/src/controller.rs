@@ -85,7 +85,7 @@ struct Parts<'p, const N: usize, O> {
     observer: O,
     moves: Moves<'p>,
     friction: FrictionFeedForward,
-    standstill: Standstill,
+    standstill: Standstill<N>,
     regulator: Regulator<N>,
     limits: Limits,
     direction_check: DirectionCheck,
@@ -511,19 +511,16 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             return self.limited(Current(feedback.0 + compensation));
         }
         let feedback = self.regulator.step(&difference);
-        let compensation = self.standstill.step(
-            &mut memory.standstill,
-            reference.rests,
-            error,
-            difference.disturbance,
-        );
-        let friction = self.friction.step(velocity);
+        let rule = self
+            .standstill
+            .step(&mut memory.standstill, reference.rests, &difference);
+        let friction = self.friction.step(velocity, rule.intended);
         memory.fed.friction = Current(friction.0 * self.current_per_force);
         self.limited(Current(
             reference.feed_forward.0
                 + memory.fed.friction.0
                 + feedback.0
-                + compensation.0 * self.current_per_force,
+                + rule.compensation.0 * self.current_per_force,
         ))
     }
 
