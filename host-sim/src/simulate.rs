@@ -16,6 +16,7 @@ pub mod metrics;
 pub mod plant;
 pub(crate) mod player;
 pub mod scenario;
+pub mod stillness;
 pub mod watch;
 
 use crate::design::Design;
