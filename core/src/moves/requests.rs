@@ -91,11 +91,12 @@ impl Moves<'_> {
             done: false,
         };
         let distance = counts as f32 * self.resolution;
+        let soonest = self.soonest(memory);
         if memory.pace != 0 {
             let beyond = memory.beyond as f32 * self.part();
             let velocity = self.velocity(memory.pace);
             let delay = (distance - beyond) / (velocity * self.sample_time) - self.ahead();
-            if (self.soonest(memory)..LONGEST).contains(&delay) {
+            if self.worthwhile(velocity, delay, soonest) {
                 self.end_jog(memory, delay);
                 return Ok(taken);
             }
@@ -108,7 +109,7 @@ impl Moves<'_> {
                 Some((scale, delay)) => {
                     // It cruises with the opposite of that scale.
                     let delay = delay - distance / (scale * self.sample_time);
-                    if (self.soonest(memory)..LONGEST).contains(&delay) {
+                    if self.worthwhile(-scale, delay, soonest) {
                         self.put_off(memory, scale, delay);
                         return Ok(taken);
                     }
@@ -118,6 +119,16 @@ impl Moves<'_> {
         // It lies behind: stop first.
         let Answer { shift, .. } = self.halt(memory);
         Ok(Answer { shift, ..wait })
+    }
+
+    /// Whether a cruise may go on for so many periods: it is to end neither behind nor later than a stop now and a
+    /// move of its own would.
+    fn worthwhile(&self, velocity: f32, delay: f32, soonest: f32) -> bool {
+        let distance = velocity * self.sample_time * (delay - soonest);
+        let stop = self.ticks(&self.plans.change);
+        let by_itself = self.shortest(distance, 1.0).map(|(_, ticks)| ticks);
+        let latest = by_itself.map_or(LONGEST, |ticks| soonest + stop.saturating_add(ticks) as f32);
+        delay >= soonest && delay < LONGEST && delay <= latest
     }
 
     /// A move on top of what is under way, none of which is a cruise.
