@@ -852,7 +852,7 @@ fn a_holding_force_carries_the_machine() {
     assert!((record.reaction_force - 1.0).abs() < 0.1, "{record:?}");
 }
 
-type Change<'a> = &'a dyn Fn(&mut Parts<1, Anchored<1, 5>>);
+type Change<'a> = &'a dyn Fn(&mut Parts<'_, 1, Anchored<1, 5>>);
 
 /// Any bit of any number of the gains that flips is found within as many periods as there are parts.
 #[test]

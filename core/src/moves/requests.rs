@@ -1,6 +1,7 @@
 //! What is asked of the moves: which plans are begun, and when.
 
 use super::{Memory, Moves, PARTS, SEGMENTS, Segment, What};
+use crate::limits::clamped;
 use crate::link::Request;
 use crate::protection::Travel;
 use crate::units::{Place, Velocity};
@@ -330,16 +331,5 @@ impl Moves<'_> {
     /// By how many periods of its velocity a stop is ahead of where it begins.
     pub(super) fn ahead(&self) -> f32 {
         self.ticks(&self.plans.change) as f32 - self.plans.run / self.sample_time
-    }
-}
-
-/// A value within ± a bound.
-fn clamped(value: f32, bound: f32) -> f32 {
-    if value > bound {
-        bound
-    } else if value < -bound {
-        -bound
-    } else {
-        value
     }
 }

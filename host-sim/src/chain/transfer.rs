@@ -22,6 +22,7 @@
 
 use super::Chain;
 use super::modal::Modal;
+use super::rows::Rows;
 use crate::error::NoSolution;
 use crate::linear::Result;
 use crate::linear::zoh::zero_order_hold;
@@ -120,39 +121,6 @@ impl Prepared {
     }
 }
 
-/// Rows `A x + s = b` of a programme, being written.
-#[derive(Default)]
-struct Rows {
-    row: Vec<usize>,
-    column: Vec<usize>,
-    value: Vec<f64>,
-    right: Vec<f64>,
-}
-
-impl Rows {
-    fn add(&mut self, entries: impl IntoIterator<Item = (usize, f64)>, right: f64) {
-        let row = self.right.len();
-        for (column, value) in entries {
-            if value != 0.0 {
-                self.row.push(row);
-                self.column.push(column);
-                self.value.push(value);
-            }
-        }
-        self.right.push(right);
-    }
-
-    /// `|entries| <= bound`.
-    fn within(&mut self, entries: &[(usize, f64)], bound: f64) {
-        for sign in [1.0, -1.0] {
-            let entries = entries
-                .iter()
-                .map(|(column, value)| (*column, sign * value));
-            self.add(entries, bound);
-        }
-    }
-}
-
 impl Task<'_> {
     /// Largest scale within the limits; m or m/s.
     ///
@@ -163,7 +131,7 @@ impl Task<'_> {
         let unknowns = self.unknowns() + 1;
         let scale = self.end_scale();
         let mut rows = self.motion();
-        let equalities = rows.right.len();
+        let equalities = rows.count();
         self.limits(&mut rows);
         let mut objective = vec![0.0; unknowns];
         objective[unknowns - 1] = -1.0;
@@ -205,7 +173,7 @@ impl Task<'_> {
             ];
             rows.add(entries, 0.0);
         }
-        let equalities = rows.right.len();
+        let equalities = rows.count();
         self.limits(&mut rows);
         let mut diagonal = vec![0.0; unknowns];
         diagonal[..self.steps].fill(SMOOTHNESS);
@@ -349,8 +317,7 @@ fn solve(
             "the programme of a planned move was not solved: {why}"
         ))
     };
-    let right = rows.right;
-    let a = CscMatrix::new_from_triplets(right.len(), unknowns, rows.row, rows.column, rows.value);
+    let (a, right) = rows.into_matrix(unknowns);
     let cones = [
         SupportedConeT::ZeroConeT(equalities),
         SupportedConeT::NonnegativeConeT(right.len() - equalities),
