@@ -375,14 +375,73 @@ mod tests {
             (100, 170e-3),
             (200, 1.0743),
         ] {
-            let start = std::time::Instant::now();
             let task = prepared.task(Kind::Displacement, &limits, (steps, 1e-3));
             let found = task.farthest().unwrap();
-            let lp = start.elapsed();
             let currents = task.currents(0.9 * found, 2).unwrap();
-            println!("{steps} {found} {lp:?} {:?}", start.elapsed());
             assert!((found / distance - 1.0).abs() < 0.06, "{steps}: {found}");
             assert!(currents.iter().all(|i| i.abs() <= 2.0 + 1e-6));
+        }
+    }
+
+    /// A stiff chain is nearly one body, whose shortest moves are known: all current one way, then the other,
+    /// or a trapezium of velocity. A chain is slower, by some periods of its mode.
+    #[test]
+    fn a_stiff_chain_is_nearly_a_rigid_body() {
+        let (mass, force, frequency, step) = ([0.06, 0.05], 6.43, 800.0, 0.25e-3);
+        let reduced = mass[0] * mass[1] / (mass[0] + mass[1]);
+        let angular = std::f64::consts::TAU * frequency;
+        let chain = Chain {
+            mass: mass.to_vec(),
+            stiffness: vec![reduced * angular * angular],
+            damping: vec![0.02 * reduced * angular],
+            force_constant: force,
+            viscous: 0.0,
+        };
+        let acceleration = 2.0 * force / (mass[0] + mass[1]);
+        let prepared = Prepared::new(&chain, 2.0).unwrap();
+        for (steps, velocity) in [(200, None), (400, None), (400, Some(1.5))] {
+            let limits = PathLimits {
+                velocity,
+                deflection: vec![None],
+                ..limits(2.0)
+            };
+            let rigid = |steps: f64| {
+                let time = steps * step;
+                let peak = 0.5 * acceleration * time;
+                match velocity {
+                    Some(limit) if limit < peak => limit * (time - limit / acceleration),
+                    _ => 0.5 * peak * time,
+                }
+            };
+            let task = prepared.task(Kind::Displacement, &limits, (steps, step));
+            let found = task.farthest().unwrap();
+            let lost = 2.0 / (frequency * step);
+            let (least, most) = (rigid(steps as f64 - lost), rigid(steps as f64));
+            assert!(
+                found > least && found < 1.001 * most,
+                "{found} {least} {most}"
+            );
+        }
+    }
+
+    /// A change of velocity: the impulse of all current is the most there is.
+    #[test]
+    fn a_change_of_velocity_is_nearly_all_current() {
+        let chain = Chain::of_table_1(300.0, 0.1);
+        let limits = limits(2.0);
+        let prepared = Prepared::new(&chain, 2.0).unwrap();
+        let total: f64 = chain.mass.iter().sum();
+        for steps in [100, 200, 400] {
+            let task = prepared.task(Kind::Change, &limits, (steps, 1e-3));
+            let found = task.farthest().unwrap();
+            let impulse = |steps: f64| 2.0 * chain.force_constant / total * steps * 1e-3;
+            // To bring the springs to rest costs less than two periods of the slowest mode.
+            let slowest = 1e3 / chain.modes()[0].frequency_hz;
+            let least = impulse(steps as f64 - 2.0 * slowest);
+            assert!(
+                found < 1.001 * impulse(steps as f64) && found > least,
+                "{steps}: {found}"
+            );
         }
     }
 }

@@ -214,14 +214,15 @@ impl<'a> Maker<'a> {
         })
     }
 
-    /// The largest share of a limit that currents use.
+    /// The largest share of a limit that currents use, until the actuator no longer accelerates.
     fn used(&self, currents: &[f64]) -> f64 {
         let limits = &self.limits;
         let mut state = DVector::zeros(self.bd.len());
         let mut used = 0.0_f64;
         let (mut velocity, mut acceleration) = (0.0, 0.0);
-        for current in currents {
-            state = &self.ad * &state + &self.bd * *current;
+        // Two steps more: what the last acceleration ends with is a jerk as well.
+        for current in currents.iter().copied().chain([0.0, 0.0]) {
+            state = &self.ad * &state + &self.bd * current;
             used = used.max(current.abs() / limits.current);
             let mut hold = |value: f64, limit: Option<f64>| {
                 used = used.max(limit.map_or(0.0, |limit| value.abs() / limit));
