@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::output::{print, write_file};
 use crate::report::{design, horizon};
 use crate::simulate::corridor::gains_source;
+use crate::simulate::stillness::stillness;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -31,10 +32,13 @@ impl DesignCommand {
     pub(super) fn run(self, quiet: bool) -> Result<()> {
         let progress = Progress::new(quiet, "design");
         let design = Design::new(&self.drive.load()?)?;
-        let assessment = Assessment::new(&design)?;
+        let mut assessment = Assessment::new(&design)?;
+        let sound = assessment.require_sound();
+        if sound.is_ok() {
+            assessment.checks.push(stillness(&design)?);
+        }
         drop(progress);
         let origin = self.drive.name();
-        let sound = assessment.require_sound();
         if let (Some(path), true) = (&self.rust, sound.is_ok()) {
             write_file(path, gains_source(&design, &origin)?.as_bytes())?;
         }

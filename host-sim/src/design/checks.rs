@@ -59,7 +59,7 @@ impl Check {
     /// A check; what is no number is refused in words.
     ///
     /// * `value`, `limit`: the figure, and where `warn` begins
-    fn new(
+    pub(crate) fn new(
         name: &'static str,
         verdict: Verdict,
         (value, limit): (f64, f64),

@@ -71,13 +71,7 @@ pub const SCENARIOS: [Scenario; 5] = [
         target: 0.0,
         start: Start::PulledAtFirst(-0.004),
     },
-    Scenario {
-        name: "move",
-        linear_title: "planned move of 30 mm",
-        approach: Approach::Move,
-        target: 0.03,
-        start: Start::Origin,
-    },
+    Scenario::PLANNED,
 ];
 
 /// The paper's experiments.
@@ -87,6 +81,15 @@ pub fn of_the_paper() -> &'static [Scenario] {
 }
 
 impl Scenario {
+    /// A planned move.
+    pub const PLANNED: Self = Self {
+        name: "move",
+        linear_title: "planned move of 30 mm",
+        approach: Approach::Move,
+        target: paper::STEP,
+        start: Start::Origin,
+    };
+
     /// The experiment of that name.
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Scenario> {
