@@ -3,8 +3,7 @@
 use super::{Memory, Moves, PARTS, SEGMENTS, Segment, What};
 use crate::limits::clamped;
 use crate::link::Request;
-use crate::protection::Travel;
-use crate::units::{Place, Velocity};
+use crate::units::{Place, Travel, Velocity};
 
 /// What became of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
