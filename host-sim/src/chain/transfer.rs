@@ -127,6 +127,11 @@ impl Task<'_> {
     /// # Errors
     /// [`NoSolution`] when the solver fails.
     pub fn farthest(&self) -> Result<f64> {
+        Ok(self.extreme()?.0)
+    }
+
+    /// The same, and its currents over their limit.
+    fn extreme(&self) -> Result<(f64, Vec<f64>)> {
         // The last unknown is the scale, over what the current does.
         let unknowns = self.unknowns() + 1;
         let scale = self.end_scale();
@@ -136,17 +141,54 @@ impl Task<'_> {
         let mut objective = vec![0.0; unknowns];
         objective[unknowns - 1] = -1.0;
         let quadratic = CscMatrix::zeros((unknowns, unknowns));
-        let solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
-        Ok(solution[unknowns - 1] * scale)
+        let mut solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
+        let farthest = solution[unknowns - 1] * scale;
+        solution.truncate(self.steps);
+        Ok((farthest, solution))
     }
 
-    /// Currents that lead to a scale, A; `None` when the limits do not allow it.
+    /// Currents that lead to a scale, A, and there exactly. Where the smooth ones are not found, since the
+    /// limits leave hardly any choice, those of the largest scale, scaled.
     ///
     /// * `controlled`: mass that is to be at its target early
     ///
     /// # Errors
     /// [`NoSolution`] when the solver fails.
     pub fn currents(&self, scale: f64, controlled: usize) -> Result<Vec<f64>> {
+        let currents = self.smooth(scale, controlled).or_else(|_| {
+            let (farthest, currents) = self.extreme()?;
+            Ok(currents.iter().map(|i| i * scale / farthest).collect())
+        });
+        let arriving = self.arriving(currents?, scale)?;
+        Ok(arriving.iter().map(|i| i * self.limits.current).collect())
+    }
+
+    /// The least change of currents, over their limit, that takes the solver's residual at the end away.
+    fn arriving(&self, currents: Vec<f64>, scale: f64) -> Result<DVector<f64>> {
+        let n = self.scale.len();
+        // The centre of mass's position after a change is free.
+        let (first, reached) = match self.kind {
+            Kind::Displacement => (0, 0),
+            Kind::Change => (1, n / 2 - 1),
+        };
+        let mut responses = DMatrix::zeros(self.steps, n);
+        let mut response = self.g.clone();
+        for step in (0..self.steps).rev() {
+            responses.set_row(step, &response.transpose());
+            response = &self.f * response;
+        }
+        let responses = responses.columns(first, n - first).into_owned();
+        let currents = DVector::from_vec(currents);
+        let mut missing = -responses.tr_mul(&currents);
+        missing[reached] += scale / self.end_scale();
+        let (q, r) = responses.qr().unpack();
+        let change = r.transpose().solve_lower_triangular(&missing);
+        let change = change.ok_or_else(|| NoSolution("no current moves every mode".into()))?;
+        Ok(currents + q * change)
+    }
+
+    /// Smooth currents, over their limit, that lead to a scale.
+    fn smooth(&self, scale: f64, controlled: usize) -> Result<Vec<f64>> {
         let mass = match self.kind {
             Kind::Displacement => Some(self.row(&self.modal.position(controlled)) / scale),
             Kind::Change => None,
@@ -187,11 +229,9 @@ impl Task<'_> {
             diagonal,
         );
         let objective = vec![0.0; unknowns];
-        let solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
-        let currents = solution[..self.steps].iter();
-        Ok(currents
-            .map(|current| current * self.limits.current)
-            .collect())
+        let mut solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
+        solution.truncate(self.steps);
+        Ok(solution)
     }
 
     /// Currents, then states after each step but the last; a displacement's last state is its scale, and of a
