@@ -26,14 +26,18 @@ fn moves_of_every_distance_are_nearly_the_shortest() {
     let table = design.plans().unwrap();
     let limits = path_limits(&design).unwrap();
     let prepared = Prepared::new(&design.chain, limits.current).unwrap();
+    let mut missed = Vec::new();
     for distance in [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0] {
         let taken = table.duration(distance, period);
         let least = ((taken - 1.0) / 1.03 - 1e-9).ceil() as usize;
         // One period less than what would do does not do.
         let task = prepared.task(Kind::Displacement, &limits, (least - 1, period));
         let farthest = task.farthest().unwrap();
-        assert!(farthest < distance, "{distance} m in {taken}: {farthest}");
+        if farthest >= distance {
+            missed.push((distance, taken, farthest));
+        }
     }
+    assert_eq!(missed, []);
 }
 
 /// Where the current alone binds, so says the programme of the bound.
@@ -227,8 +231,14 @@ fn plays_every_plan<const N: usize>(drive: &Drive) {
     let design = design(drive);
     let plans = design.plans().unwrap().plans();
     let resolution = drive.encoder.resolution;
+    let mut before = 0;
     for plan in plans.displacements {
         let counts = ((f64::from(plan.reach) * (1.0 - 1e-6) / resolution) as i64).max(1);
+        if counts == before {
+            // Of whole counts the plan before reaches as many.
+            continue;
+        }
+        before = counts;
         let mut played = Played::<N>::new(&design);
         played.play(Request::Move(Place(-counts)));
         let periods = usize::from(plan.knots) * usize::from(plans.stride);
