@@ -59,7 +59,7 @@ impl Limits {
 }
 
 /// A value within ± a bound; `f32::clamp` panics where the bound is negative or no number.
-fn clamped(value: f32, bound: f32) -> f32 {
+pub(crate) fn clamped(value: f32, bound: f32) -> f32 {
     if value > bound {
         bound
     } else if value < -bound {

@@ -205,7 +205,7 @@ impl<'p> Moves<'p> {
     }
 
     /// By how many whole counts the target of a jog moves on to the next period.
-    fn advance<const N: usize>(&self, memory: &mut Memory<N>) -> i64 {
+    fn advance<const N: usize>(memory: &mut Memory<N>) -> i64 {
         if memory.pace == 0 {
             return 0;
         }

@@ -26,7 +26,7 @@ use crate::fault::Fault;
 use crate::limits::Limits;
 use crate::moves::Reference;
 use crate::observer::Estimate;
-use crate::units::{Current, Force, Place, Position};
+use crate::units::{Current, Force, Place, Position, Travel};
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
 pub(crate) use thermal::Heat;
@@ -60,23 +60,6 @@ pub struct ProtectionLimits<const N: usize> {
     pub thermal_time: f32,
     /// Where the actuator may be once the position has been set; anywhere when absent.
     pub travel: Option<Travel>,
-}
-
-/// The part of the axis that the actuator may use, both ends included.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Travel {
-    /// Its lower end.
-    pub lowest: Place,
-    /// Its upper end.
-    pub highest: Place,
-}
-
-impl Travel {
-    /// Whether a place is in it.
-    #[must_use]
-    pub fn contains(&self, place: Place) -> bool {
-        (self.lowest..=self.highest).contains(&place)
-    }
 }
 
 impl<const N: usize> ProtectionLimits<N> {

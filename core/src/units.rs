@@ -39,3 +39,20 @@ pub struct Current<T = f32>(pub T);
 /// Force, N.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Force<T = f32>(pub T);
+
+/// The part of the axis that the actuator may use, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Travel {
+    /// Its lower end.
+    pub lowest: Place,
+    /// Its upper end.
+    pub highest: Place,
+}
+
+impl Travel {
+    /// Whether a place is in it.
+    #[must_use]
+    pub fn contains(&self, place: Place) -> bool {
+        (self.lowest..=self.highest).contains(&place)
+    }
+}

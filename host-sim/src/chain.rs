@@ -5,6 +5,7 @@
 //!       --modes--> frequencies, dampings, shapes
 //!       --hamiltonian--> K(t), eqs. (8) to (12) and (14)
 //!       --minimum_time--> least time to settle and to rest
+//!       --transfer--> currents of a planned move within limits
 //! ```
 //!
 //! Nothing here knows a file, or what a drive is made of.
@@ -15,6 +16,7 @@ pub mod minimum_time;
 mod modal;
 mod model;
 mod modes;
+mod rows;
 pub mod transfer;
 
 pub use model::{Chain, controlled_mass};

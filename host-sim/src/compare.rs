@@ -466,7 +466,7 @@ mod tests {
                 *weight /= twice;
             }
         }
-        drive.motion = Default::default();
+        drive.motion = crate::drive::StatedMotion::default();
         drive
     }
 
@@ -478,7 +478,7 @@ mod tests {
             plants: 3,
         };
         let mut own = Drive::default_drive();
-        own.motion = Default::default();
+        own.motion = crate::drive::StatedMotion::default();
         let other = in_another_unit(&own, 10.0);
         let rows = [own, other].map(|drive| {
             let design = Design::new(&drive).unwrap();

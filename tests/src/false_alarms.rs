@@ -9,7 +9,7 @@
 use arso_core::{Counts, Current, Fault, Measurement, Mode, Position, Request};
 use host_sim::design::Design;
 use host_sim::design::assessment::require_sound;
-use host_sim::drive::{Drive, PlantFile, Weights};
+use host_sim::drive::{Drive, PlantFile, StatedMotion, Weights};
 use host_sim::machine::{ExternalForce, Load};
 use host_sim::simulate::commission;
 use host_sim::simulate::corridor::corridor;
@@ -90,7 +90,7 @@ fn drive(random: &mut ChaCha8Rng) -> (Drive, Design) {
             place: String::new(),
         };
         drive.cost.terminal = vec![0.0; 2 * loads as usize + 2];
-        drive.motion = Default::default();
+        drive.motion = StatedMotion::default();
         let Ok(design) = Design::new(&drive) else {
             continue;
         };

@@ -23,6 +23,7 @@ fn the_firmware_has_the_gains_of_the_default_drive() {
          run `cargo run --release -- design --rust firmware/src/gains.rs`"
     );
     assert_eq!(gains::GAINS, design.settings(gains::Observer::new));
+    assert_eq!(gains::PLANS, design.plans().unwrap().plans());
     assert_eq!(gains::KIND, design.drive.kind.name());
 }
 

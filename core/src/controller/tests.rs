@@ -8,8 +8,9 @@ use crate::amplifier::Amplifier;
 use crate::friction::FrictionFeedForward;
 use crate::moves::plans::Plans;
 use crate::observer::{Anchored, LinearObserver};
-use crate::protection::{ProtectionLimits, Travel};
+use crate::protection::ProtectionLimits;
 use crate::regulator::MassGain;
+use crate::units::Travel;
 use proptest::prelude::*;
 use std::vec::Vec;
 
@@ -65,6 +66,19 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
         standstill: Standstill {
             tolerance: 50e-6,
             settling: 100,
+            quiet: 50,
+            least_velocity: 1e-3,
+            // The velocity itself.
+            intention: Regulator {
+                actuator: MassGain {
+                    position: 0.0,
+                    velocity: -1.0,
+                },
+                loads: [MassGain {
+                    position: 0.0,
+                    velocity: 0.0,
+                }],
+            },
             rate: 0.01,
         },
         holding_force: 0.0,
@@ -852,7 +866,7 @@ fn a_holding_force_carries_the_machine() {
     assert!((record.reaction_force - 1.0).abs() < 0.1, "{record:?}");
 }
 
-type Change<'a> = &'a dyn Fn(&mut Parts<1, Anchored<1, 5>>);
+type Change<'a> = &'a dyn Fn(&mut Parts<'_, 1, Anchored<1, 5>>);
 
 /// Any bit of any number of the gains that flips is found within as many periods as there are parts.
 #[test]

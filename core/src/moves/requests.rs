@@ -1,9 +1,9 @@
 //! What is asked of the moves: which plans are begun, and when.
 
 use super::{Memory, Moves, PARTS, SEGMENTS, Segment, What};
+use crate::limits::clamped;
 use crate::link::Request;
-use crate::protection::Travel;
-use crate::units::{Place, Velocity};
+use crate::units::{Place, Travel, Velocity};
 
 /// What became of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +41,7 @@ impl Moves<'_> {
         let before = target;
         let mut target = target;
         if memory.pace != 0 {
-            target = on(target, self.advance(memory));
+            target = on(target, Self::advance(memory));
             // Where it stops when it is halted one period later.
             let pace = memory.pace / PARTS + memory.pace.signum();
             let stop = on(target, self.stop(memory).wrapping_add(pace));
@@ -50,15 +50,11 @@ impl Moves<'_> {
             }
         }
         let answer = match *asked {
-            // A step is from rest.
+            // A step is from rest, and waits for it.
             Some(Request::Step(place)) if memory.rests() => {
                 *asked = None;
                 return Ok(place);
             }
-            Some(Request::Step(_)) => Ok(Answer {
-                shift: 0,
-                done: false,
-            }),
             Some(Request::Move(place)) => self.go(memory, place.counts_from(target)),
             Some(Request::Jog(velocity)) => self.jog(memory, velocity),
             Some(Request::Halt) => Ok(self.halt(memory)),
@@ -110,7 +106,7 @@ impl Moves<'_> {
                     // It cruises with the opposite of that scale.
                     let delay = delay - distance / (scale * self.sample_time);
                     if self.worthwhile(-scale, delay, soonest) {
-                        self.put_off(memory, scale, delay);
+                        Self::put_off(memory, scale, delay);
                         return Ok(taken);
                     }
                 }
@@ -169,8 +165,7 @@ impl Moves<'_> {
         };
         let reach = self.plans.change.reach;
         let parts = libm::roundf(clamped(velocity.0, reach) / self.velocity(1));
-        // Written so that what is no number is not taken.
-        if !(parts.abs() < 1e15) {
+        if parts.is_nan() || parts.abs() >= 1e15 {
             return Err(Unreachable);
         }
         let pace = parts as i64;
@@ -225,7 +220,7 @@ impl Moves<'_> {
         }
         let per_period = scale * self.sample_time / self.resolution;
         let shift = libm::truncf((delay - soonest) * per_period);
-        self.put_off(memory, scale, delay - shift / per_period);
+        Self::put_off(memory, scale, delay - shift / per_period);
         done(shift as i64)
     }
 
@@ -249,12 +244,12 @@ impl Moves<'_> {
         let scale = -self.velocity(memory.pace);
         memory.pace = 0;
         memory.beyond = 0;
-        self.put_off(memory, scale, delay);
+        Self::put_off(memory, scale, delay);
     }
 
     /// The change of velocity that waits, if any, is made anew, so many periods from now; two segments share
     /// it, so that parts of a period count.
-    fn put_off<const N: usize>(&self, memory: &mut Memory<N>, scale: f32, delay: f32) {
+    fn put_off<const N: usize>(memory: &mut Memory<N>, scale: f32, delay: f32) {
         for place in &mut memory.segments {
             if place.is_some_and(|segment| segment.waits()) {
                 *place = None;
@@ -276,7 +271,7 @@ impl Moves<'_> {
 
     /// The shortest move over a distance that uses a share of the limits, and its periods.
     fn shortest(&self, distance: f32, share: f32) -> Option<([Option<Segment>; 2], i32)> {
-        if !(share > 0.0) {
+        if share.is_nan() || share <= 0.0 {
             return None;
         }
         let needed = distance.abs() / share;
@@ -292,7 +287,7 @@ impl Moves<'_> {
         }
         let change = &self.plans.change;
         let least = libm::ceilf(needed / (change.reach * self.sample_time));
-        if !(least < LONGEST) {
+        if least.is_nan() || least >= LONGEST {
             return None;
         }
         // The two do not overlap.
@@ -341,16 +336,5 @@ impl Moves<'_> {
     /// By how many periods of its velocity a stop is ahead of where it begins.
     pub(super) fn ahead(&self) -> f32 {
         self.ticks(&self.plans.change) as f32 - self.plans.run / self.sample_time
-    }
-}
-
-/// A value within ± a bound.
-fn clamped(value: f32, bound: f32) -> f32 {
-    if value > bound {
-        bound
-    } else if value < -bound {
-        -bound
-    } else {
-        value
     }
 }

@@ -5,8 +5,7 @@ extern crate std;
 use super::*;
 use crate::link::Request;
 use crate::moves::plans::row_words;
-use crate::protection::Travel;
-use crate::units::{Place, Velocity};
+use crate::units::{Place, Travel, Velocity};
 use proptest::prelude::*;
 use std::vec::Vec;
 

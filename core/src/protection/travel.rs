@@ -3,9 +3,9 @@
 //! Only once zero is known: before, the drive has no idea where on the axis it stands. A drive that starts
 //! outside its travel may move back into it, but no farther out.
 
-use super::{Travel, Trip};
+use super::Trip;
 use crate::fault::Fault;
-use crate::units::{Place, Position};
+use crate::units::{Place, Position, Travel};
 
 /// Counts beyond the place where it starts that are holding it, not leaving.
 const HOLDING: i64 = 50;

@@ -22,6 +22,7 @@
 
 use super::Chain;
 use super::modal::Modal;
+use super::rows::Rows;
 use crate::error::NoSolution;
 use crate::linear::Result;
 use crate::linear::zoh::zero_order_hold;
@@ -120,65 +121,74 @@ impl Prepared {
     }
 }
 
-/// Rows `A x + s = b` of a programme, being written.
-#[derive(Default)]
-struct Rows {
-    row: Vec<usize>,
-    column: Vec<usize>,
-    value: Vec<f64>,
-    right: Vec<f64>,
-}
-
-impl Rows {
-    fn add(&mut self, entries: impl IntoIterator<Item = (usize, f64)>, right: f64) {
-        let row = self.right.len();
-        for (column, value) in entries {
-            if value != 0.0 {
-                self.row.push(row);
-                self.column.push(column);
-                self.value.push(value);
-            }
-        }
-        self.right.push(right);
-    }
-
-    /// `|entries| <= bound`.
-    fn within(&mut self, entries: &[(usize, f64)], bound: f64) {
-        for sign in [1.0, -1.0] {
-            let entries = entries
-                .iter()
-                .map(|(column, value)| (*column, sign * value));
-            self.add(entries, bound);
-        }
-    }
-}
-
 impl Task<'_> {
     /// Largest scale within the limits; m or m/s.
     ///
     /// # Errors
     /// [`NoSolution`] when the solver fails.
     pub fn farthest(&self) -> Result<f64> {
+        Ok(self.extreme()?.0)
+    }
+
+    /// The same, and its currents over their limit.
+    fn extreme(&self) -> Result<(f64, Vec<f64>)> {
         // The last unknown is the scale, over what the current does.
         let unknowns = self.unknowns() + 1;
         let scale = self.end_scale();
         let mut rows = self.motion();
-        let equalities = rows.right.len();
+        let equalities = rows.count();
         self.limits(&mut rows);
         let mut objective = vec![0.0; unknowns];
         objective[unknowns - 1] = -1.0;
         let quadratic = CscMatrix::zeros((unknowns, unknowns));
-        let solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
-        Ok(solution[unknowns - 1] * scale)
+        let mut solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
+        let farthest = solution[unknowns - 1] * scale;
+        solution.truncate(self.steps);
+        Ok((farthest, solution))
     }
 
-    /// Currents that lead to a scale, A; `None` when the limits do not allow it.
+    /// Currents that lead to a scale, A, and there exactly. Where the smooth ones are not found, since the
+    /// limits leave hardly any choice, those of the largest scale, scaled.
     ///
     /// * `controlled`: mass that is to be at its target early
     ///
     /// # Errors
     /// [`NoSolution`] when the solver fails.
     pub fn currents(&self, scale: f64, controlled: usize) -> Result<Vec<f64>> {
+        let currents = self.smooth(scale, controlled).or_else(|_| {
+            let (farthest, currents) = self.extreme()?;
+            Ok(currents.iter().map(|i| i * scale / farthest).collect())
+        });
+        let arriving = self.arriving(currents?, scale)?;
+        Ok(arriving.iter().map(|i| i * self.limits.current).collect())
+    }
+
+    /// The least change of currents, over their limit, that takes the solver's residual at the end away.
+    fn arriving(&self, currents: Vec<f64>, scale: f64) -> Result<DVector<f64>> {
+        let n = self.scale.len();
+        // The centre of mass's position after a change is free.
+        let (first, reached) = match self.kind {
+            Kind::Displacement => (0, 0),
+            Kind::Change => (1, n / 2 - 1),
+        };
+        let mut responses = DMatrix::zeros(self.steps, n);
+        let mut response = self.g.clone();
+        for step in (0..self.steps).rev() {
+            responses.set_row(step, &response.transpose());
+            response = &self.f * response;
+        }
+        let responses = responses.columns(first, n - first).into_owned();
+        let currents = DVector::from_vec(currents);
+        let mut missing = -responses.tr_mul(&currents);
+        missing[reached] += scale / self.end_scale();
+        let (q, r) = responses.qr().unpack();
+        let change = r.transpose().solve_lower_triangular(&missing);
+        let change = change.ok_or_else(|| NoSolution("no current moves every mode".into()))?;
+        Ok(currents + q * change)
+    }
+
+    /// Smooth currents, over their limit, that lead to a scale.
+    fn smooth(&self, scale: f64, controlled: usize) -> Result<Vec<f64>> {
         let mass = match self.kind {
             Kind::Displacement => Some(self.row(&self.modal.position(controlled)) / scale),
             Kind::Change => None,
@@ -205,7 +215,7 @@ impl Task<'_> {
             ];
             rows.add(entries, 0.0);
         }
-        let equalities = rows.right.len();
+        let equalities = rows.count();
         self.limits(&mut rows);
         let mut diagonal = vec![0.0; unknowns];
         diagonal[..self.steps].fill(SMOOTHNESS);
@@ -219,11 +229,9 @@ impl Task<'_> {
             diagonal,
         );
         let objective = vec![0.0; unknowns];
-        let solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
-        let currents = solution[..self.steps].iter();
-        Ok(currents
-            .map(|current| current * self.limits.current)
-            .collect())
+        let mut solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
+        solution.truncate(self.steps);
+        Ok(solution)
     }
 
     /// Currents, then states after each step but the last; a displacement's last state is its scale, and of a
@@ -349,8 +357,7 @@ fn solve(
             "the programme of a planned move was not solved: {why}"
         ))
     };
-    let right = rows.right;
-    let a = CscMatrix::new_from_triplets(right.len(), unknowns, rows.row, rows.column, rows.value);
+    let (a, right) = rows.into_matrix(unknowns);
     let cones = [
         SupportedConeT::ZeroConeT(equalities),
         SupportedConeT::NonnegativeConeT(right.len() - equalities),
@@ -408,14 +415,73 @@ mod tests {
             (100, 170e-3),
             (200, 1.0743),
         ] {
-            let start = std::time::Instant::now();
             let task = prepared.task(Kind::Displacement, &limits, (steps, 1e-3));
             let found = task.farthest().unwrap();
-            let lp = start.elapsed();
             let currents = task.currents(0.9 * found, 2).unwrap();
-            println!("{steps} {found} {lp:?} {:?}", start.elapsed());
             assert!((found / distance - 1.0).abs() < 0.06, "{steps}: {found}");
             assert!(currents.iter().all(|i| i.abs() <= 2.0 + 1e-6));
+        }
+    }
+
+    /// A stiff chain is nearly one body, whose shortest moves are known: all current one way, then the other,
+    /// or a trapezium of velocity. A chain is slower, by some periods of its mode.
+    #[test]
+    fn a_stiff_chain_is_nearly_a_rigid_body() {
+        let (mass, force, frequency, step) = ([0.06, 0.05], 6.43, 800.0, 0.25e-3);
+        let reduced = mass[0] * mass[1] / (mass[0] + mass[1]);
+        let angular = std::f64::consts::TAU * frequency;
+        let chain = Chain {
+            mass: mass.to_vec(),
+            stiffness: vec![reduced * angular * angular],
+            damping: vec![0.02 * reduced * angular],
+            force_constant: force,
+            viscous: 0.0,
+        };
+        let acceleration = 2.0 * force / (mass[0] + mass[1]);
+        let prepared = Prepared::new(&chain, 2.0).unwrap();
+        for (steps, velocity) in [(200, None), (400, None), (400, Some(1.5))] {
+            let limits = PathLimits {
+                velocity,
+                deflection: vec![None],
+                ..limits(2.0)
+            };
+            let rigid = |steps: f64| {
+                let time = steps * step;
+                let peak = 0.5 * acceleration * time;
+                match velocity {
+                    Some(limit) if limit < peak => limit * (time - limit / acceleration),
+                    _ => 0.5 * peak * time,
+                }
+            };
+            let task = prepared.task(Kind::Displacement, &limits, (steps, step));
+            let found = task.farthest().unwrap();
+            let lost = 2.0 / (frequency * step);
+            let (least, most) = (rigid(steps as f64 - lost), rigid(steps as f64));
+            assert!(
+                found > least && found < 1.001 * most,
+                "{found} {least} {most}"
+            );
+        }
+    }
+
+    /// A change of velocity: the impulse of all current is the most there is.
+    #[test]
+    fn a_change_of_velocity_is_nearly_all_current() {
+        let chain = Chain::of_table_1(300.0, 0.1);
+        let limits = limits(2.0);
+        let prepared = Prepared::new(&chain, 2.0).unwrap();
+        let total: f64 = chain.mass.iter().sum();
+        for steps in [100, 200, 400] {
+            let task = prepared.task(Kind::Change, &limits, (steps, 1e-3));
+            let found = task.farthest().unwrap();
+            let impulse = |steps: f64| 2.0 * chain.force_constant / total * steps * 1e-3;
+            // To bring the springs to rest costs less than two periods of the slowest mode.
+            let slowest = 1e3 / chain.modes()[0].frequency_hz;
+            let least = impulse(steps as f64 - 2.0 * slowest);
+            assert!(
+                found < 1.001 * impulse(steps as f64) && found > least,
+                "{steps}: {found}"
+            );
         }
     }
 }

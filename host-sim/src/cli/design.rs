@@ -50,6 +50,7 @@ impl DesignCommand {
         } else if !quiet {
             let mut text = format!("design for {origin}\n{}", design::tables(&design)?);
             text += &design::protection(&design);
+            text += &design::moves(&design)?;
             text += &design::assessment(&assessment);
             if let (Some(path), true) = (&self.rust, sound.is_ok()) {
                 text += &format!("gains written to {}\n", path.display());

@@ -6,7 +6,7 @@ use crate::machine::Units;
 use arso_core::Settings;
 use arso_core::moves::plans::row_words;
 use arso_core::observer::{LinearObserver, StateObserver};
-use arso_core::protection::Travel;
+use arso_core::units::Travel;
 use std::fmt::Write;
 
 /// The file for the firmware, complete.
@@ -137,7 +137,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
     let travel = protection.travel.map_or_else(
         || "None".to_owned(),
         |Travel { lowest, highest }| {
-            let path = "arso_core::protection::Travel";
+            let path = "arso_core::units::Travel";
             let [lowest, highest] = [lowest, highest].map(|end| format!("arso_core::{end:?}"));
             format!("Some({path} {{ lowest: {lowest}, highest: {highest} }})")
         },

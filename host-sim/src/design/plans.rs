@@ -150,7 +150,7 @@ pub fn plan_table(design: &Design) -> Result<PlanTable> {
         let grid = maker.grid(&change, loss)?;
         let needed: usize = grid.iter().map(|(steps, _)| steps).sum();
         if needed + change.currents.len() <= rows {
-            return maker.table(stride, &grid, &change);
+            return Ok(maker.table(stride, &grid, &change));
         }
         // A coarser grid costs less than coarser steps, up to a point.
         if loss < 4.0 * LOSS {
@@ -214,14 +214,15 @@ impl<'a> Maker<'a> {
         })
     }
 
-    /// The largest share of a limit that currents use.
+    /// The largest share of a limit that currents use, until the actuator no longer accelerates.
     fn used(&self, currents: &[f64]) -> f64 {
         let limits = &self.limits;
         let mut state = DVector::zeros(self.bd.len());
         let mut used = 0.0_f64;
         let (mut velocity, mut acceleration) = (0.0, 0.0);
-        for current in currents {
-            state = &self.ad * &state + &self.bd * *current;
+        // Two steps more: what the last acceleration ends with is a jerk as well.
+        for current in currents.iter().copied().chain([0.0, 0.0]) {
+            state = &self.ad * &state + &self.bd * current;
             used = used.max(current.abs() / limits.current);
             let mut hold = |value: f64, limit: Option<f64>| {
                 used = used.max(limit.map_or(0.0, |limit| value.abs() / limit));
@@ -299,7 +300,7 @@ impl<'a> Maker<'a> {
         Ok(grid)
     }
 
-    fn table(&self, stride: u16, grid: &[(usize, f64)], change: &Made) -> Result<PlanTable> {
+    fn table(&self, stride: u16, grid: &[(usize, f64)], change: &Made) -> PlanTable {
         let mut rows = Vec::new();
         let mut displacements: Vec<Plan> = Vec::new();
         let mut loss = 0.0_f64;
@@ -322,14 +323,14 @@ impl<'a> Maker<'a> {
             }
         }
         let (change, run) = self.columns(change, Kind::Change, &mut rows);
-        Ok(PlanTable {
+        PlanTable {
             stride,
             displacements,
             change,
             run: run as f32,
             rows,
             loss,
-        })
+        }
     }
 
     /// The rows of a plan, for a scale of one, and how far a mass comes in it.

@@ -21,7 +21,8 @@
 
 use super::Design;
 use arso_core::Place;
-use arso_core::protection::{ProtectionLimits, Travel};
+use arso_core::protection::ProtectionLimits;
+use arso_core::units::Travel;
 use serde::Serialize;
 
 /// The limits in `f64`, SI.

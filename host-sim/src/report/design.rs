@@ -5,11 +5,15 @@ use crate::design::Design;
 use crate::design::assessment::Assessment;
 use crate::design::checks::{Check, Verdict};
 use crate::design::protection::Protection;
+use crate::drive::PlantFile;
 use crate::error::Result;
 use crate::output::significant;
+use crate::simulate::bound::bound;
 use crate::simulate::corridor::fingerprint;
+use crate::simulate::scenario::SCENARIOS;
 use comfy_table::Cell;
 use nalgebra::{Complex, DMatrix};
+use serde::Serialize;
 use serde_json::json;
 use std::fmt::Write;
 
@@ -124,6 +128,92 @@ pub fn tables(design: &Design) -> Result<String> {
     Ok(text)
 }
 
+/// The table of planned moves, and an example beside its bound.
+///
+/// # Errors
+/// [`Error::Design`](crate::error::Error::Design) when there are no plans.
+pub fn moves(design: &Design) -> Result<String> {
+    let moves = moves_of(design)?;
+    let units = design.drive.kind.units();
+    let milliseconds = |time: f64| format!("{:.1}", 1e3 * time);
+    let mut table = table(&["planned moves", "value", "unit"]);
+    for (name, value, unit) in [
+        (
+            "plans, and a change of velocity",
+            moves.plans.to_string(),
+            "",
+        ),
+        ("table in flash", moves.bytes.to_string(), "bytes"),
+        (
+            "longer than the shortest move, beside one step",
+            format!("{:.1}", 100.0 * moves.loss),
+            "%",
+        ),
+        ("step of the plans", milliseconds(moves.step), "ms"),
+        (
+            "velocity limit",
+            significant(moves.velocity, 4),
+            units.velocity,
+        ),
+        (
+            &format!(
+                "{} {}",
+                significant(1e3 * moves.distance, 3),
+                units.milli_position
+            ),
+            milliseconds(moves.duration),
+            "ms",
+        ),
+        (
+            "the least that any control needs for that",
+            moves.bound.map_or("-".into(), milliseconds),
+            "ms",
+        ),
+    ] {
+        table.add_row([Cell::new(name), right(value), Cell::new(unit)]);
+    }
+    Ok(format!("{table}\n"))
+}
+
+/// What is said of the planned moves, SI units.
+#[derive(Serialize)]
+struct MovesSummary {
+    /// Displacements.
+    plans: usize,
+    bytes: usize,
+    /// See [`PlanTable::loss`](crate::design::plans::PlanTable::loss).
+    loss: f64,
+    /// s.
+    step: f64,
+    /// m/s.
+    velocity: f64,
+    /// Of the example, m.
+    distance: f64,
+    /// From rest to rest, s.
+    duration: f64,
+    /// From rest to rest with all current and no other limit, s.
+    bound: Option<f64>,
+}
+
+fn moves_of(design: &Design) -> Result<MovesSummary> {
+    let drive = &design.drive;
+    let period = drive.control.sample_time;
+    let table = design.plans()?;
+    let plans = table.plans();
+    let example = &SCENARIOS[0];
+    let bound = bound(drive, &PlantFile::from(drive), example);
+    Ok(MovesSummary {
+        plans: plans.displacements.len(),
+        bytes: table.bytes(),
+        loss: table.loss,
+        step: f64::from(plans.stride) * period,
+        velocity: design.motion.velocity,
+        distance: example.target,
+        duration: table.duration(example.target, period) * period,
+        bound: bound.ok().map(|bound| bound.rest),
+    })
+}
+
 /// Checks, margins and the gain over the time to go.
 #[must_use]
 pub fn assessment(assessment: &Assessment) -> String {
@@ -209,7 +299,7 @@ pub fn assessment(assessment: &Assessment) -> String {
 /// Everything about a design for JSON, SI units.
 ///
 /// # Errors
-/// [`Error::Design`](crate::error::Error::Design) when poles cannot be computed.
+/// [`Error::Design`](crate::error::Error::Design) when poles or plans cannot be computed.
 pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Value> {
     let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
         matrix
@@ -237,6 +327,7 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
         "observer_gain": observer.correction.as_slice(),
         "observer_poles": poles(design.observer_poles()?),
         "protection": Protection::new(design),
+        "moves": moves_of(design)?,
         "modes": design.modes(),
         "distinct_eigenvalues": assessment.distinct_eigenvalues,
         "checks": assessment.checks,

@@ -114,7 +114,6 @@ pub(crate) fn corridor_with_plans<'d>(
 }
 
 /// The gains file for the firmware; `origin` says where the drive was described.
-#[must_use]
 ///
 /// # Errors
 /// [`Error::Design`] when there are no plans.

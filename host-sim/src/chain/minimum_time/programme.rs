@@ -14,6 +14,7 @@
 //! faster, and no power of `F` is formed.
 
 use crate::chain::modal::Modal;
+use crate::chain::rows::Rows;
 use crate::error::NoSolution;
 use crate::linear::Result;
 use crate::linear::zoh::zero_order_hold;
@@ -92,29 +93,6 @@ struct Hold {
     within: Vec<(RowDVector<f64>, f64)>,
 }
 
-/// Rows `A x + s = b` of a cone programme, being written.
-#[derive(Default)]
-struct Rows {
-    row: Vec<usize>,
-    column: Vec<usize>,
-    value: Vec<f64>,
-    right: Vec<f64>,
-}
-
-impl Rows {
-    fn add(&mut self, entries: impl IntoIterator<Item = (usize, f64)>, right: f64) {
-        let row = self.right.len();
-        for (column, value) in entries {
-            if value != 0.0 {
-                self.row.push(row);
-                self.column.push(column);
-                self.value.push(value);
-            }
-        }
-        self.right.push(right);
-    }
-}
-
 impl Programme<'_> {
     /// How much of the task can be done within a horizon: 1 is all of it, more than [`MOST`] is [`MOST`].
     ///
@@ -172,7 +150,7 @@ impl Programme<'_> {
                 rows.add(entries, 0.0);
             }
         }
-        let equalities = rows.right.len();
+        let equalities = rows.count();
         rows.add([(0, 1.0)], MOST);
         for step in 0..steps {
             rows.add([(current(step), 1.0)], 1.0);
@@ -192,20 +170,14 @@ impl Programme<'_> {
             }
         }
 
-        let inequalities = rows.right.len() - equalities;
-        let a = CscMatrix::new_from_triplets(
-            rows.right.len(),
-            unknowns,
-            rows.row,
-            rows.column,
-            rows.value,
-        );
+        let inequalities = rows.count() - equalities;
+        let (a, right) = rows.into_matrix(unknowns);
         let mut objective = vec![0.0; unknowns];
         objective[0] = -1.0;
         let (reach, solution) = solve(
             &objective,
             &a,
-            &rows.right,
+            &right,
             &[
                 SupportedConeT::ZeroConeT(equalities),
                 SupportedConeT::NonnegativeConeT(inequalities),
