@@ -16,10 +16,11 @@ pub mod metrics;
 pub mod plant;
 pub(crate) mod player;
 pub mod scenario;
+pub mod sequence;
 pub mod watch;
 
-use crate::design::Design;
 use crate::design::plans::PlanTable;
+use crate::design::{Design, settling_tolerance};
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use arso_core::friction::FrictionFeedForward;
@@ -30,6 +31,7 @@ use nalgebra::DVector;
 use plant::Plant;
 use player::{Play, player};
 use scenario::Scenario;
+use sequence::Ask;
 use std::collections::VecDeque;
 
 /// Which control law was simulated.
@@ -78,10 +80,22 @@ pub struct Run {
     pub law: Law,
     /// What the plant's encoder can tell apart, m.
     pub resolution: f64,
+    /// How far from the target counts as there, m.
+    pub settling_tolerance: f64,
     /// Every control period.
     pub samples: Vec<Sample>,
     /// The fault that stopped the drive, and when (s).
     pub fault: Option<(f64, Fault)>,
+}
+
+impl Run {
+    /// The same run, held against the tolerance of a design.
+    pub(crate) fn with_tolerance(self, design: &Design) -> Self {
+        Self {
+            settling_tolerance: design.motion.settling_tolerance,
+            ..self
+        }
+    }
 }
 
 /// Simulates one experiment.
@@ -103,17 +117,12 @@ pub fn simulate(
         Law::Core => Box::new(Core::new(design, file, scenario)?),
         _ => Box::new(FullState::new(design, scenario)?),
     };
-    let period = design.drive.control.sample_time;
-    close_loop(
-        law,
-        control.as_mut(),
-        (file, 0),
-        scenario,
-        (period, duration),
-    )
+    let time = (design.drive.control.sample_time, duration);
+    let run = close_loop(law, control.as_mut(), (file, 0), scenario, time)?;
+    Ok(run.with_tolerance(design))
 }
 
-/// Simulates one experiment under any law.
+/// Simulates one experiment under any law; its tolerance is that of a drive which states none.
 ///
 /// * `plant`: what is there, and the control periods by which the current comes late
 /// * `time`: control period and duration, s
@@ -160,6 +169,7 @@ pub(crate) fn close_loop(
     Ok(Run {
         kind: file.kind,
         resolution: file.encoder.resolution,
+        settling_tolerance: settling_tolerance(file.encoder.resolution),
         scenario: *scenario,
         law,
         samples,
@@ -255,6 +265,12 @@ pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Res
     Err(Error::Simulation("commissioning did not end".into()))
 }
 
+impl Ask for Core<'_> {
+    fn ask(&mut self, request: Request) -> Result<()> {
+        self.0.request(request).map_err(refused)
+    }
+}
+
 impl Control for Core<'_> {
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let command = self.0.step(Measurement {
@@ -292,6 +308,13 @@ impl<'d> FullState<'d> {
             friction: design.friction(),
             force_constant: design.chain.force_constant,
         })
+    }
+}
+
+impl Ask for FullState<'_> {
+    fn ask(&mut self, request: Request) -> Result<()> {
+        self.player.ask(request);
+        Ok(())
     }
 }
 
