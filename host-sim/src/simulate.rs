@@ -12,6 +12,7 @@
 pub mod bound;
 pub mod corridor;
 pub mod ending;
+pub mod experiment;
 pub mod metrics;
 pub mod plant;
 pub(crate) mod player;

@@ -208,8 +208,8 @@ impl Metrics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::scenario::Scenario;
     use crate::simulate::Law;
+    use crate::simulate::scenario::Scenario;
     use nalgebra::DVector;
 
     /// A decaying oscillation of mass 2 around 30 mm, whose figures follow from its formula.

@@ -80,12 +80,6 @@ pub const SCENARIOS: [Scenario; 5] = [
     },
 ];
 
-/// The paper's experiments.
-#[must_use]
-pub fn of_the_paper() -> &'static [Scenario] {
-    &SCENARIOS[..4]
-}
-
 impl Scenario {
     /// The experiment of that name.
     #[must_use]

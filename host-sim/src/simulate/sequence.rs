@@ -118,6 +118,12 @@ impl MoveSequence {
         &self.moves
     }
 
+    /// When a move is asked for, s.
+    #[must_use]
+    pub fn time(&self, one: &Move) -> f64 {
+        one.at as f64 * self.period
+    }
+
     /// Time until the last one has ended, with as much room after it as between them, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
@@ -146,8 +152,7 @@ impl MoveSequence {
                     ..run.scenario
                 },
                 samples: samples.collect(),
-                fault: fault
-                    .filter(|(time, _)| last || *time < (end - begin) as f64 * self.period),
+                fault: fault.filter(|(time, _)| last || *time < (end - begin) as f64 * self.period),
                 ..*run
             }
         });
@@ -184,9 +189,8 @@ fn require_within_travel(design: &Design, distance: f64, place: Place) -> Result
     }
     let unit = design.drive.kind.units().position;
     let target = place.0 as f64 * resolution;
-    let rule = format!(
-        "leads to {target} {unit}, outside the travel from {lowest} to {highest} {unit}"
-    );
+    let rule =
+        format!("leads to {target} {unit}, outside the travel from {lowest} to {highest} {unit}");
     Err(Error::parameter("move", distance, rule))
 }
 
@@ -239,7 +243,9 @@ pub fn simulate_moves(
     let orders = sequence.moves.iter();
     let mut control = InOrder {
         control,
-        orders: orders.map(|one| (one.at, Request::Move(one.place))).collect(),
+        orders: orders
+            .map(|one| (one.at, Request::Move(one.place)))
+            .collect(),
         period: 0,
         stopped: false,
     };
@@ -266,11 +272,13 @@ struct InOrder<'c> {
 
 impl Control for InOrder<'_> {
     fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
-        let due = |order: &mut (usize, Request)| order.0 <= self.period;
-        if let Some((_, request)) = self.orders.pop_front_if(due)
-            && !self.stopped
+        if let Some(&(at, request)) = self.orders.front()
+            && at <= self.period
         {
-            self.control.ask(request)?;
+            self.orders.pop_front();
+            if !self.stopped {
+                self.control.ask(request)?;
+            }
         }
         self.period += 1;
         let output = self.control.step(count, truth, applied)?;

@@ -69,7 +69,9 @@ pub fn watched_moves(
     let periods = (duration / period).round() as usize;
     let last = sequence.moves().last().map_or(0, |last| last.at);
     let mut parts = sequence.parts(&run);
-    let watched = parts.pop().map(|part| judged(part, periods - last.min(periods)));
+    let watched = parts
+        .pop()
+        .map(|part| judged(part, periods - last.min(periods)));
     let parts = parts.into_iter().map(|part| {
         let metrics = Metrics::new(&part);
         (part, metrics)
