@@ -32,7 +32,6 @@ use nalgebra::DVector;
 use plant::Plant;
 use player::{Play, player};
 use scenario::Scenario;
-use sequence::Ask;
 use std::collections::VecDeque;
 
 /// Which control law was simulated.
@@ -196,6 +195,15 @@ pub(crate) struct ControlOutput {
 pub(crate) trait Control {
     /// One period: encoder counter, true state, current that the law takes for applied.
     fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<ControlOutput>;
+}
+
+/// A control law that can be asked for something on its way.
+pub(crate) trait Ask: Control {
+    /// What is to be done from the next period on.
+    ///
+    /// # Errors
+    /// [`Error::Simulation`] when it is refused.
+    fn ask(&mut self, request: Request) -> Result<()>;
 }
 
 /// The control core as a law.

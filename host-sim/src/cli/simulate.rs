@@ -24,7 +24,8 @@ pub(super) struct Simulate {
     /// Experiment to simulate, may be given several times; the paper's four and a planned move when not given.
     #[arg(long, value_name = "NAME", value_parser = scenario_names())]
     scenario: Vec<String>,
-    /// Planned move by a distance from the target before, m or rad; several are made one after the other.
+    /// Planned move by a distance from the target before, m or rad; several are made one after the other. With a
+    /// sign and an exponent: --move=-1e-3.
     #[arg(
         long = "move",
         value_name = "DISTANCE",

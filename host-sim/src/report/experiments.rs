@@ -47,7 +47,7 @@ fn times_table(design: &Design, runs: &[Judged]) -> String {
         "x bound",
         &to_tolerance,
         "x rest",
-        "overshoot [%]",
+        "overshoot",
         "peak [A]",
     ]);
     for judged in runs {
@@ -62,7 +62,7 @@ fn times_table(design: &Design, runs: &[Judged]) -> String {
                 metrics.within_tolerance_from,
                 &judged.bound,
             ))),
-            right(format!("{:.1}", metrics.overshoot)),
+            right(format!("{:.1} %", metrics.overshoot)),
             right(format!("{:.2}", metrics.peak_current)),
         ]);
     }
@@ -83,7 +83,7 @@ fn left_table(design: &Design, runs: &[Judged]) -> String {
         "control",
         &format!("residual [{micro} p-p]"),
         &format!("off [{micro}]"),
-        &format!("moving [{micro} p-p]"),
+        &format!("moving [{micro}]"),
         &format!("estimate [{micro} rms]"),
     ]);
     let micrometres = |values: &[f64]| {
@@ -108,7 +108,8 @@ fn left_table(design: &Design, runs: &[Judged]) -> String {
     format!(
         "{table}\n\
          Residual: after settling, and not before 5/12 of the run (0.5 s of 1.2 s). Off: from the target, in the\n\
-         last fifth of the run. Moving: in the last fifth of the run and {WATCHED} s more, up to {:.0} {micro} is rest.\n\
+         last fifth of the run. Moving: peak to peak in the last fifth of the run and {WATCHED} s more, up to\n\
+         {:.0} {micro} is rest. \
          Lists: actuator first, then loads, or mass {mass} alone.\n",
         1e6 * still,
     )

@@ -7,6 +7,7 @@ use crate::drive::SETTLING_BAND;
 use crate::error::Result;
 use crate::machine::Units;
 use crate::simulate::experiment::Aim;
+use crate::simulate::metrics::HELD;
 use crate::simulate::{Run, Sample};
 
 /// How much longer than the motion the time axis is.
@@ -15,8 +16,9 @@ const LONGER: f64 = 1.4;
 const SHORTEST: usize = 50;
 /// Share of the limit below which a current is drawn without it.
 const SMALL: f64 = 0.2;
-/// Half height of an enlarged error, in settling bands or tolerances.
+/// Half height of an enlarged error, in settling bands, and in tolerances.
 const ENLARGED: f64 = 4.0;
+const FURTHER: f64 = 2.0;
 /// The same over the error that is left at the end, where that is more.
 const LEFT: f64 = 1.5;
 /// Shades of the two bands.
@@ -70,7 +72,7 @@ pub fn plot(core: &Run, full_state: &Run, title: &str, aims: &[Aim], limit: f64)
     };
     let tolerance = core.settling_tolerance;
     let within_tolerance = |scale: f64, times: (f64, f64)| {
-        let name = format!("settling tolerance {}", micro(tolerance, units));
+        let name = format!("tolerance {}", micro(tolerance, units));
         let half = scale * tolerance;
         Series::band(name, SHADES.1, (-half, half), times)
     };
@@ -106,7 +108,7 @@ pub fn plot(core: &Run, full_state: &Run, title: &str, aims: &[Aim], limit: f64)
     let left = end.map_or(0.0, |s| {
         (0..masses).fold(0.0, |most: f64, mass| most.max(distance(mass, s).abs()))
     });
-    let small = 1e6 * (ENLARGED * tolerance).max(LEFT * left);
+    let small = 1e6 * (FURTHER * tolerance).max(LEFT * left);
 
     let (current_caption, current) = current(drive, full, limit, times);
 
@@ -253,15 +255,16 @@ fn bands(run: &Run, aims: &[Aim], last: f64) -> Vec<Band> {
 /// when it never does.
 fn arrival(run: &Run, bands: &[Band]) -> f64 {
     let controlled = 2 * controlled_mass(masses(run).saturating_sub(1));
-    let each = bands.iter().filter_map(|band| {
+    let mut each = bands.iter().filter_map(|band| {
         let (from, to) = band.times;
-        let mut within = run.samples.iter().filter(|s| (from..to).contains(&s.time));
-        let outside = |s: &&Sample| (s.truth[controlled] - band.target).abs() > band.half_width;
-        let outside = within.by_ref().filter(outside).last();
-        let time = outside.map_or(from, |s| s.time);
-        (time + 0.02 * (to - from) < to).then_some(time)
+        let outside = |s: &&Sample| {
+            let off = (s.truth[controlled] - band.target).abs();
+            (from..to).contains(&s.time) && off > band.half_width
+        };
+        let time = run.samples.iter().rfind(outside).map_or(from, |s| s.time);
+        (time + HELD * (to - from) < to).then_some(time)
     });
-    each.into_iter().next().unwrap_or(0.0)
+    each.next().unwrap_or(0.0)
 }
 
 /// How near to where it ends a mass has come when its motion is over, m.

@@ -9,7 +9,7 @@
 //! next one is, so that the same figures serve one move and many.
 
 use super::scenario::{Approach, Scenario, Start};
-use super::{Control, ControlOutput, Core, FullState, Law, Run, Sample, close_loop};
+use super::{Ask, Control, ControlOutput, Core, FullState, Law, Run, Sample, close_loop};
 use crate::design::Design;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
@@ -255,12 +255,6 @@ pub fn simulate_moves(
     Ok(run.with_tolerance(design))
 }
 
-/// A law that can be asked for something on its way.
-pub(crate) trait Ask: Control {
-    /// What is to be done from the next period on.
-    fn ask(&mut self, request: Request) -> Result<()>;
-}
-
 /// A law that is asked for one thing after the other, until it stops itself.
 struct InOrder<'c> {
     control: Box<dyn Ask + 'c>,
@@ -285,5 +279,54 @@ impl Control for InOrder<'_> {
         let mode = output.record.as_ref().map(|record| record.mode);
         self.stopped = matches!(mode, Some(Mode::Stopping(_) | Mode::Fault(_)));
         Ok(output)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::Drive;
+
+    /// Distances are from target to target and whole counts, and each move but the last is given the time of its
+    /// plan and 15 periods of the slowest mode, 11.936 Hz.
+    #[test]
+    fn each_move_begins_where_the_one_before_ends() {
+        let mut drive = Drive::default_drive();
+        drive.protection.travel = Some([-0.015, 0.031]);
+        let design = Design::new(&drive).unwrap();
+        let sequence = |distances: &[f64], times: &[f64]| {
+            MoveSequence::new(&design, distances, times).map(|sequence| sequence.moves)
+        };
+        let moves = sequence(&[0.03, -0.0400004, 0.005], &[]).unwrap();
+        let places: Vec<i64> = moves.iter().map(|one| one.place.0).collect();
+        assert_eq!(places, [30_000, -10_000, -5_000]);
+        assert!((moves[1].target + 0.01).abs() < 1e-12);
+        for pair in moves.windows(2) {
+            let room = (pair[1].at - pair[0].at - pair[0].planned) as f64;
+            assert!((0.0..=1.0).contains(&(room - 15e3 / 11.936)), "{room}");
+            assert!(!pair[0].retargeted);
+        }
+        let moves = sequence(&[0.03, -0.04], &[0.1, 0.13]).unwrap();
+        assert_eq!((moves[0].at, moves[1].at), (100, 130));
+        assert!(moves[0].retargeted && !moves[1].retargeted);
+
+        for (distances, times, expected) in [
+            (&[0.0][..], &[][..], "`move` 0: must be one count"),
+            (&[0.03, 4e-7], &[], "`move` 0.0000004: must be one count"),
+            (&[f64::NAN], &[], "`move` NaN: must be one count"),
+            (&[0.032], &[], "outside the travel from -0.015 to 0.031 m"),
+            (&[0.02, 0.02], &[], "leads to 0.04 m, outside the travel"),
+            (&[1e9], &[], "`move` 1000000000: takes"),
+            (&[0.01, 0.01], &[0.1], "one time for each of the 2 moves"),
+            (&[0.01, 0.01], &[0.1, 0.1], "later than the one before"),
+            (&[0.01], &[-0.1], "`at` -0.1: must be from 0"),
+            (&[0.01], &[f64::NAN], "`at` NaN: must be from 0"),
+        ] {
+            let error = sequence(distances, times).unwrap_err();
+            assert_eq!(error.exit_code(), 2);
+            assert!(error.to_string().contains(expected), "{error}");
+        }
+        assert!(whole_counts(0.03, 1e-6) && whole_counts(1e3 / 3.0, 1e3 / 3.0 / 8192.0));
+        assert!(!whole_counts(0.0300004, 1e-6));
     }
 }
