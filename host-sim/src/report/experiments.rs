@@ -25,7 +25,7 @@ pub fn law_name(law: Law, design: &Design) -> &'static str {
 /// The experiments' figures, one row per run: when it is there, and what is left of the motion.
 #[must_use]
 pub fn tables(design: &Design, runs: &[Judged]) -> String {
-    let core = || runs.iter().filter(|judged| judged.run.law == Law::Core);
+    let core = || runs.iter().filter(|judged| judged.law == Law::Core);
     let titles = core().map(|judged| format!("{}: {}\n", judged.name, judged.title));
     let named = core().map(|judged| (judged.name.as_str(), &judged.bound));
     format!(
@@ -54,7 +54,7 @@ fn times_table(design: &Design, runs: &[Judged]) -> String {
         let metrics = &judged.metrics;
         table.add_row([
             Cell::new(&judged.name),
-            Cell::new(law_name(judged.run.law, design)),
+            Cell::new(law_name(judged.law, design)),
             right(time(judged, settled(metrics, design.drive.kind.units()))),
             right(ratio(metrics.settling_time, &judged.bound)),
             right(time(judged, within_tolerance(metrics))),
@@ -95,7 +95,7 @@ fn left_table(design: &Design, runs: &[Judged]) -> String {
         let metrics = &judged.metrics;
         table.add_row([
             Cell::new(&judged.name),
-            Cell::new(law_name(judged.run.law, design)),
+            Cell::new(law_name(judged.law, design)),
             micrometres(metrics.residual_vibration.as_deref().unwrap_or_default()),
             micrometres(&metrics.end.offset),
             micrometres(&metrics.end.motion),
@@ -136,7 +136,7 @@ fn time(judged: &Judged, time: String) -> String {
 #[must_use]
 pub fn json(design: &Design, runs: &[Judged], files: &[String]) -> serde_json::Value {
     let experiments = runs.iter().map(|judged| {
-        let (run, metrics, bound) = (&judged.run, &judged.metrics, &judged.bound);
+        let (law, metrics, bound) = (judged.law, &judged.metrics, &judged.bound);
         json!({
             "scenario": judged.name,
             "move": judged.asked.map(|(one, at)| json!({
@@ -145,8 +145,8 @@ pub fn json(design: &Design, runs: &[Judged], files: &[String]) -> serde_json::V
                 "at": at,
                 "retargeted": one.retargeted,
             })),
-            "law": run.law,
-            "observer": (run.law == Law::Core).then(|| design.drive.control.observer.name()),
+            "law": law,
+            "observer": (law == Law::Core).then(|| design.drive.control.observer.name()),
             "metrics": metrics,
             "bound": bound.as_ref().ok(),
             "times_bound": times(metrics.settling_time, bound),

@@ -32,7 +32,7 @@ pub struct Aim {
     pub target: f64,
 }
 
-/// One run, or the part of it that belongs to one of several moves, and what it is judged by.
+/// One run, or the part of it that belongs to one of several moves, as it is judged.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// Name of the experiment, or of the move.
@@ -41,8 +41,8 @@ pub struct Judged {
     pub title: String,
     /// The move, and when it was asked for (s); none of a named experiment.
     pub asked: Option<(Move, f64)>,
-    /// What happened.
-    pub run: Run,
+    /// The control law.
+    pub law: Law,
     /// Its figures.
     pub metrics: Metrics,
     /// The bound of its motion.
@@ -140,7 +140,7 @@ impl Experiment {
                     name: scenario.name.into(),
                     title: scenario.title(kind),
                     asked: None,
-                    run: run.clone(),
+                    law: run.law,
                     metrics: metrics.clone(),
                     bound: bound.clone(),
                 });
@@ -177,7 +177,7 @@ impl Experiment {
                         name: name.clone(),
                         title: title.clone(),
                         asked: Some((*one, at)),
-                        run,
+                        law: run.law,
                         metrics,
                         bound: bound.clone(),
                     }));

@@ -183,19 +183,20 @@ impl Metrics {
             fault: run.fault.map(|(_, fault)| fault.number()),
             fault_time: run.fault.map(|(time, _)| time),
         }
-        .with_end(&end, true)
+        .with_end(&end, within(run, run.settling_tolerance))
     }
 
     /// The same run whose motion at the end is known better: settled is what is also at rest there. Where it
     /// stands at the end of the experiment stays what it was.
     ///
-    /// * `stays`: whether what is within the tolerance at the end of the experiment stays there
+    /// * `watched`: from when on all stays within the tolerance, what came after the experiment included, s
     #[must_use]
-    pub(super) fn with_end(self, end: &Ending, stays: bool) -> Self {
+    pub(super) fn with_end(self, end: &Ending, watched: Option<f64>) -> Self {
+        let within = self.within_tolerance_from;
         let rests = end.state == Motion::Rest;
         Self {
             settling_time: self.within_band_from.filter(|_| rests),
-            within_tolerance_from: self.within_tolerance_from.filter(|_| stays),
+            within_tolerance_from: within.filter(|_| within == watched),
             end: Ending {
                 offset: self.end.offset,
                 ..end.clone()

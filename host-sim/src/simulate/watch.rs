@@ -44,9 +44,9 @@ fn after(period: f64) -> f64 {
 /// The experiment alone, so many control periods of a run that was watched, and its figures.
 pub(crate) fn judged(mut run: Run, periods: usize) -> (Run, Metrics) {
     let end = Ending::new(&run, controlled(&run));
-    let stays = within(&run, run.settling_tolerance).is_some();
+    let watched = within(&run, run.settling_tolerance);
     run.samples.truncate(periods);
-    let metrics = Metrics::new(&run).with_end(&end, stays);
+    let metrics = Metrics::new(&run).with_end(&end, watched);
     (run, metrics)
 }
 
