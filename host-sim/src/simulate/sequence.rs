@@ -188,7 +188,8 @@ fn require_within_travel(design: &Design, distance: f64, place: Place) -> Result
         return Ok(());
     }
     let unit = design.drive.kind.units().position;
-    let target = place.0 as f64 * resolution;
+    // Without what the product adds to its decimals.
+    let target = (1e9 * place.0 as f64 * resolution).round() / 1e9;
     let rule =
         format!("leads to {target} {unit}, outside the travel from {lowest} to {highest} {unit}");
     Err(Error::parameter("move", distance, rule))
