@@ -1,6 +1,6 @@
 //! The command line.
 //!
-//! `host-sim` alone does the main job: the paper's four experiments on the embedded drive, the
+//! `host-sim` alone does the main job: the paper's four experiments and a planned move on the embedded drive, the
 //! same as `host-sim simulate`. A file for each subcommand: it parses, calls the library, and prints or
 //! writes what `report` makes of the result; `wording` has the flags in errors, `drive_argument` the one way to
 //! name a drive file.

@@ -341,11 +341,16 @@ pub struct Motion {
     pub settling_tolerance: f64,
 }
 
+/// Settling tolerance where none is stated, m: 50 um, or 5 counts where those are more.
+#[must_use]
+pub fn settling_tolerance(resolution: f64) -> f64 {
+    const TOLERANCE: (f64, f64) = (50e-6, 5.0);
+    TOLERANCE.0.max(TOLERANCE.1 * resolution)
+}
+
 impl Motion {
     const CURRENT_SHARE: f64 = 0.97;
     const TABLE: usize = 65536;
-    /// m, and counts, of which the larger counts.
-    const TOLERANCE: (f64, f64) = (50e-6, 5.0);
     /// Control periods in which the velocity limit is reached at the least, where a mode is faster.
     const PERIODS: f64 = 100.0;
 
@@ -372,7 +377,7 @@ impl Motion {
             table: stated.table.unwrap_or(Self::TABLE),
             settling_tolerance: stated
                 .settling_tolerance
-                .unwrap_or(Self::TOLERANCE.0.max(Self::TOLERANCE.1 * resolution)),
+                .unwrap_or_else(|| settling_tolerance(resolution)),
         }
     }
 }

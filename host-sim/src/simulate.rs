@@ -12,15 +12,17 @@
 pub mod bound;
 pub mod corridor;
 pub mod ending;
+pub mod experiment;
 pub mod metrics;
 pub mod plant;
 pub(crate) mod player;
 pub mod scenario;
+pub mod sequence;
 pub mod stillness;
 pub mod watch;
 
-use crate::design::Design;
 use crate::design::plans::PlanTable;
+use crate::design::{Design, settling_tolerance};
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use arso_core::friction::FrictionFeedForward;
@@ -79,10 +81,22 @@ pub struct Run {
     pub law: Law,
     /// What the plant's encoder can tell apart, m.
     pub resolution: f64,
+    /// How far from the target counts as there, m.
+    pub settling_tolerance: f64,
     /// Every control period.
     pub samples: Vec<Sample>,
     /// The fault that stopped the drive, and when (s).
     pub fault: Option<(f64, Fault)>,
+}
+
+impl Run {
+    /// The same run, held against the tolerance of a design.
+    pub(crate) fn with_tolerance(self, design: &Design) -> Self {
+        Self {
+            settling_tolerance: design.motion.settling_tolerance,
+            ..self
+        }
+    }
 }
 
 /// Simulates one experiment.
@@ -104,17 +118,12 @@ pub fn simulate(
         Law::Core => Box::new(Core::new(design, file, scenario)?),
         _ => Box::new(FullState::new(design, scenario)?),
     };
-    let period = design.drive.control.sample_time;
-    close_loop(
-        law,
-        control.as_mut(),
-        (file, 0),
-        scenario,
-        (period, duration),
-    )
+    let time = (design.drive.control.sample_time, duration);
+    let run = close_loop(law, control.as_mut(), (file, 0), scenario, time)?;
+    Ok(run.with_tolerance(design))
 }
 
-/// Simulates one experiment under any law.
+/// Simulates one experiment under any law; its tolerance is that of a drive which states none.
 ///
 /// * `plant`: what is there, and the control periods by which the current comes late
 /// * `time`: control period and duration, s
@@ -161,6 +170,7 @@ pub(crate) fn close_loop(
     Ok(Run {
         kind: file.kind,
         resolution: file.encoder.resolution,
+        settling_tolerance: settling_tolerance(file.encoder.resolution),
         scenario: *scenario,
         law,
         samples,
@@ -186,6 +196,15 @@ pub(crate) struct ControlOutput {
 pub(crate) trait Control {
     /// One period: encoder counter, true state, current that the law takes for applied.
     fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<ControlOutput>;
+}
+
+/// A control law that can be asked for something on its way.
+pub(crate) trait Ask: Control {
+    /// What is to be done from the next period on.
+    ///
+    /// # Errors
+    /// [`Error::Simulation`] when it is refused.
+    fn ask(&mut self, request: Request) -> Result<()>;
 }
 
 /// The control core as a law.
@@ -256,6 +275,12 @@ pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Res
     Err(Error::Simulation("commissioning did not end".into()))
 }
 
+impl Ask for Core<'_> {
+    fn ask(&mut self, request: Request) -> Result<()> {
+        self.0.request(request).map_err(refused)
+    }
+}
+
 impl Control for Core<'_> {
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let command = self.0.step(Measurement {
@@ -293,6 +318,13 @@ impl<'d> FullState<'d> {
             friction: design.friction(),
             force_constant: design.chain.force_constant,
         })
+    }
+}
+
+impl Ask for FullState<'_> {
+    fn ask(&mut self, request: Request) -> Result<()> {
+        self.player.ask(request);
+        Ok(())
     }
 }
 

@@ -31,7 +31,7 @@ fn the_main_job_prints_the_table_and_writes_its_files() {
     let out = directory.path().join("a/b");
     let (code, text, error) = run(&["--out", out.to_str().unwrap()]);
     assert_eq!((code, error.as_str()), (0, ""));
-    for name in ["fig3", "fig4", "fig5", "fig6"] {
+    for name in ["fig3", "fig4", "fig5", "fig6", "move"] {
         assert!(text.contains(&format!("| {name}")), "{text}");
         let svg = fs::read_to_string(out.join(format!("{name}.svg"))).unwrap();
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
@@ -45,7 +45,10 @@ fn the_main_job_prints_the_table_and_writes_its_files() {
         assert!(rows.iter().all(|row| row.iter().all(finite)));
     }
     // Nothing temporary stays behind.
-    assert_eq!(fs::read_dir(out).unwrap().count(), 12);
+    assert_eq!(fs::read_dir(out).unwrap().count(), 15);
+    // And the tables fit a terminal.
+    let widest = text.lines().map(|line| line.chars().count()).max();
+    assert!(widest <= Some(110), "{widest:?}");
 }
 
 #[test]

@@ -8,10 +8,10 @@ use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::output::{print, write_file};
 use crate::report::{csv::csv, design, experiments, run};
-use crate::simulate::bound::bound;
-use crate::simulate::scenario::{SCENARIOS, Scenario, of_the_paper};
-use crate::simulate::watch::watched;
-use crate::simulate::{Law, Run, simulate};
+use crate::simulate::Run;
+use crate::simulate::experiment::{Experiment, Judged};
+use crate::simulate::scenario::{SCENARIOS, Scenario};
+use crate::simulate::sequence::{MoveSequence, whole_counts};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use std::path::PathBuf;
@@ -21,15 +21,35 @@ use std::path::PathBuf;
 pub(super) struct Simulate {
     #[command(flatten)]
     drive: DriveArgument,
-    /// Experiment to simulate, may be given several times; the paper's four when not given.
+    /// Experiment to simulate, may be given several times; the paper's four and a planned move when not given.
     #[arg(long, value_name = "NAME", value_parser = scenario_names())]
     scenario: Vec<String>,
+    /// Planned move by a distance from the target before, m or rad; several are made one after the other. With a
+    /// sign and an exponent: --move=-1e-3.
+    #[arg(
+        long = "move",
+        value_name = "DISTANCE",
+        num_args = 1..,
+        allow_negative_numbers = true,
+        conflicts_with = "scenario"
+    )]
+    moves: Vec<f64>,
+    /// When each move is asked for, s, as many times as moves, also while the one before is under way; when not
+    /// given the first at 0, each further one 15 periods of the slowest mode after the end of the plan before.
+    #[arg(
+        long,
+        value_name = "TIME",
+        num_args = 1..,
+        allow_negative_numbers = true,
+        requires = "moves"
+    )]
+    at: Vec<f64>,
     /// What is really there, when it differs from what the drive file says.
     #[arg(long, value_name = "PLANT.toml")]
     plant: Option<PathBuf>,
-    /// Length of each experiment, s.
-    #[arg(long, value_name = "SECONDS", default_value_t = 1.2, value_parser = seconds)]
-    duration: f64,
+    /// Length of each experiment, s; 1.2 when not given, with --move until the last has ended as above.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    duration: Option<f64>,
     /// Where plots and CSV files go.
     #[arg(long, value_name = "DIR", default_value = "target/host-sim")]
     out: PathBuf,
@@ -66,69 +86,50 @@ impl Simulate {
             Some(path) => PlantFile::load(path)?,
         };
         plant.require_fit(&drive)?;
-        if self.duration / drive.control.sample_time < 2.0 {
-            return Err(Error::Usage(format!(
-                "--duration {}: must be two control periods of {} s at least",
-                self.duration, drive.control.sample_time
-            )));
-        }
-        if self.duration / drive.control.sample_time > LONGEST {
-            return Err(Error::Usage(format!(
-                "--duration {}: must be {LONGEST} control periods of {} s at most",
-                self.duration, drive.control.sample_time
-            )));
-        }
-        let scenarios: Vec<&Scenario> = if self.scenario.is_empty() {
-            of_the_paper().iter().collect()
-        } else {
-            self.scenario
-                .iter()
-                .filter_map(|name| Scenario::named(name))
-                .collect()
-        };
-        if self.csv && scenarios.len() != 1 {
-            return Err(Error::Usage(
-                "--csv prints one experiment: name it with --scenario".into(),
-            ));
-        }
+        self.require_duration(drive.control.sample_time)?;
         let design = Design::new(&drive)?;
         require_sound(&design)?;
-        if let (true, [scenario]) = (self.csv, &scenarios[..]) {
-            progress.step(0, 1, scenario.name);
-            let run = simulate(&design, &plant, scenario, Law::Core, self.duration)?;
+        let experiments = self.experiments(&design)?;
+        if self.csv && experiments.len() != 1 {
+            return Err(Error::Usage(
+                "--csv prints one experiment: name it with --scenario, or ask for it with --move"
+                    .into(),
+            ));
+        }
+        if let (true, [experiment]) = (self.csv, &experiments[..]) {
+            progress.step(0, 1, experiment.name());
+            let run = experiment.simulate(&design, &plant, self.duration(experiment))?;
             let text = csv(&run)?;
             drop(progress);
             print(&String::from_utf8_lossy(&text))?;
             return require_no_fault([&run]);
         }
 
-        let mut runs: Vec<experiments::Judged> = Vec::new();
+        let mut runs: Vec<Judged> = Vec::new();
         let mut files = Vec::new();
-        for (done, scenario) in scenarios.iter().enumerate() {
-            progress.step(done, scenarios.len(), scenario.name);
-            let of = |law| watched(&design, &plant, scenario, law, self.duration);
-            let ((core, metrics), (full_state, metrics_of_full_state)) =
-                (of(Law::Core)?, of(Law::FullState)?);
-            let bound = bound(&drive, &plant, scenario);
+        let mut whole = Vec::new();
+        for (done, experiment) in experiments.iter().enumerate() {
+            let name = experiment.name();
+            progress.step(done, experiments.len(), name);
+            let duration = self.duration(experiment);
+            let outcome = experiment.judge(&design, &plant, duration)?;
+            let (core, full_state) = (outcome.core, outcome.full_state);
+            let title = format!("{name}: {}", experiment.title(drive.kind));
+            let limit = drive.actuator.current_limit;
             for (name, content) in [
                 (
-                    format!("{}.svg", scenario.name),
-                    run::plot(&core, &full_state, drive.actuator.current_limit)?.into_bytes(),
+                    format!("{name}.svg"),
+                    run::plot(&core, &full_state, &title, &experiment.aims(), limit)?.into_bytes(),
                 ),
-                (format!("{}.csv", scenario.name), csv(&core)?),
-                (
-                    format!("{}-full-state.csv", scenario.name),
-                    csv(&full_state)?,
-                ),
+                (format!("{name}.csv"), csv(&core)?),
+                (format!("{name}-full-state.csv"), csv(&full_state)?),
             ] {
                 let path = self.out.join(name);
                 write_file(&path, &content)?;
                 files.push(path.display().to_string());
             }
-            runs.extend([
-                (core, metrics, bound.clone()),
-                (full_state, metrics_of_full_state, bound),
-            ]);
+            runs.extend(outcome.judged);
+            whole.extend([core, full_state]);
         }
         drop(progress);
         if self.json {
@@ -144,7 +145,68 @@ impl Simulate {
             text += &format!("Plots and CSV of every step: {}\n", self.out.display());
             print(&text)?;
         }
-        require_no_fault(runs.iter().map(|(run, ..)| run))
+        require_no_fault(&whole)
+    }
+
+    /// What is to be simulated.
+    fn experiments(&self, design: &Design) -> Result<Vec<Experiment>> {
+        if !self.moves.is_empty() {
+            let sequence = MoveSequence::new(design, &self.moves, &self.at)?;
+            self.say_what_is_rounded(design, &sequence);
+            let last = sequence.moves().last().map_or(0, |last| last.at);
+            let begins = last as f64 * design.drive.control.sample_time;
+            if let Some(duration) = self.duration.filter(|duration| *duration <= begins) {
+                return Err(Error::Usage(format!(
+                    "--duration {duration}: the last move begins at {begins} s only"
+                )));
+            }
+            return Ok(vec![Experiment::Moves(sequence)]);
+        }
+        if self.scenario.is_empty() {
+            return Ok(SCENARIOS.iter().map(Experiment::Named).collect());
+        }
+        let named = self
+            .scenario
+            .iter()
+            .filter_map(|name| Scenario::named(name));
+        Ok(named.map(Experiment::Named).collect())
+    }
+
+    /// A distance that the encoder cannot count out.
+    fn say_what_is_rounded(&self, design: &Design, sequence: &MoveSequence) {
+        let resolution = design.drive.encoder.resolution;
+        for (asked, one) in self.moves.iter().zip(sequence.moves()) {
+            if !whole_counts(*asked, resolution) {
+                eprintln!(
+                    "warning: --move {asked}: no whole number of encoder counts, rounded to {}",
+                    (one.distance / resolution).round()
+                );
+            }
+        }
+    }
+
+    /// Two control periods at least, and no more than can be kept.
+    fn require_duration(&self, period: f64) -> Result<()> {
+        let Some(duration) = self.duration else {
+            return Ok(());
+        };
+        let wrong = |rule: String| Err(Error::Usage(format!("--duration {duration}: {rule}")));
+        if duration / period < 2.0 {
+            return wrong(format!(
+                "must be two control periods of {period} s at least"
+            ));
+        }
+        if duration / period > LONGEST {
+            return wrong(format!(
+                "must be {LONGEST} control periods of {period} s at most"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Length of an experiment, s.
+    fn duration(&self, experiment: &Experiment) -> f64 {
+        self.duration.unwrap_or_else(|| experiment.duration())
     }
 }
 

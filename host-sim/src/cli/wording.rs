@@ -7,12 +7,14 @@ use clap::CommandFactory;
 use std::path::Path;
 
 /// Every parameter that an error can name, and its flag.
-const FLAGS: [(&str, &str); 9] = [
+const FLAGS: [(&str, &str); 11] = [
+    ("at", "--at"),
     ("current", "--current"),
     ("distance", "--distance"),
     ("experiment", "--run"),
     ("from", "--from"),
     ("hold", "--hold"),
+    ("move", "--move"),
     ("period", "--period"),
     ("repetitions", "--repeat"),
     ("to", "--to"),

@@ -11,7 +11,11 @@ use serde_json::json;
 
 /// A settling time over its bound, for a table.
 pub(super) fn ratio(settling_time: Option<f64>, bound: &Bound) -> String {
-    let ratio = times(settling_time, bound);
+    over(times(settling_time, bound))
+}
+
+/// A ratio, if there is one, for a table.
+pub(super) fn over(ratio: Option<f64>) -> String {
     ratio.map_or("-".into(), |ratio| format!("{ratio:.2}"))
 }
 

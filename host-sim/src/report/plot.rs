@@ -34,6 +34,8 @@ enum Style {
     Line,
     Dashed,
     Dots,
+    /// Filled between the heights of two points, with a share of its colour.
+    Band(f64),
 }
 
 /// What belongs together in a panel: a line, or dots.
@@ -81,6 +83,22 @@ impl Series {
             first.name = name.into();
         }
         all
+    }
+
+    /// A filled band between two heights, cut where the picture ends.
+    ///
+    /// * `shade`: from 0, not seen, to 1, as grey as a line
+    #[must_use]
+    pub fn band(
+        name: impl Into<String>,
+        shade: f64,
+        (low, high): (f64, f64),
+        (from, to): (f64, f64),
+    ) -> Self {
+        Self {
+            style: Style::Band(shade),
+            ..Self::behind(name, vec![(from, low), (to, high)])
+        }
     }
 
     /// Dots.
@@ -178,6 +196,12 @@ impl Panel<'_> {
         for series in &self.series {
             let colour = series.rgb();
             let style = colour.stroke_width(2);
+            if let (Style::Band(shade), [from, to]) = (series.style, &series.points[..]) {
+                let within = |y: f64| y.clamp(heights.0, heights.1);
+                let corners = [(from.0, within(from.1)), (to.0, within(to.1))];
+                chart.draw_series([Rectangle::new(corners, colour.mix(shade).filled())])?;
+                continue;
+            }
             if series.style == Style::Dots {
                 let dots = series.points.iter();
                 chart.draw_series(dots.map(|point| Circle::new(*point, 4, colour.filled())))?;
@@ -217,7 +241,10 @@ impl Panel<'_> {
         for (series, (x, y)) in named.into_iter().zip(places) {
             let colour = series.rgb();
             let middle = y + 7;
-            if series.style == Style::Dots {
+            if let Style::Band(shade) = series.style {
+                let corners = [(x, middle - 5), (x + STROKE, middle + 5)];
+                above.draw(&Rectangle::new(corners, colour.mix(shade).filled()))?;
+            } else if series.style == Style::Dots {
                 let middle = (x + STROKE / 2, middle);
                 above.draw(&Circle::new(middle, 4, colour.filled()))?;
             } else {

@@ -1,10 +1,13 @@
-//! One experiment: motion, its error enlarged, current within its limits, what the observer misses, and the
-//! phase portraits of the first and the second mass as the paper draws them.
+//! One experiment: motion, its distance from the target enlarged twice, current within its limits, what the
+//! observer misses, and the phase portraits of the first and the second mass as the paper draws them.
 
 use super::plot::{Panel, Series, panels};
 use crate::chain::controlled_mass;
 use crate::drive::SETTLING_BAND;
 use crate::error::Result;
+use crate::machine::Units;
+use crate::simulate::experiment::Aim;
+use crate::simulate::metrics::HELD;
 use crate::simulate::{Run, Sample};
 
 /// How much longer than the motion the time axis is.
@@ -13,54 +16,99 @@ const LONGER: f64 = 1.4;
 const SHORTEST: usize = 50;
 /// Share of the limit below which a current is drawn without it.
 const SMALL: f64 = 0.2;
-/// Half height of the enlarged error, in settling bands.
+/// Half height of an enlarged error, in settling bands, and in tolerances.
 const ENLARGED: f64 = 4.0;
+const FURTHER: f64 = 2.0;
+/// The same over the error that is left at the end, where that is more.
+const LEFT: f64 = 1.5;
+/// Shades of the two bands.
+const SHADES: (f64, f64) = (0.3, 0.8);
 
-/// Draws the core's run with the full-state bound behind it, as SVG.
+/// Draws the core's run with that of full-state feedback behind it, as SVG.
 ///
+/// * `title`: what the run shows
+/// * `aims`: in order, one at least
 /// * `limit`: of the current, A
 ///
 /// # Errors
 /// [`Error::Report`](crate::error::Error::Report) when the drawing cannot be made.
-pub fn plot(core: &Run, bound: &Run, limit: f64) -> Result<String> {
+pub fn plot(core: &Run, full_state: &Run, title: &str, aims: &[Aim], limit: f64) -> Result<String> {
     let units = core.kind.units();
     let masses = masses(core);
     let whole = core.samples.len();
-    let shown = moving(core).max(moving(bound)).min(whole);
+    let shown = moving(core, aims).max(moving(full_state, aims)).min(whole);
     let (drive, full) = (
         &core.samples[..shown],
-        &bound.samples[..shown.min(bound.samples.len())],
+        &full_state.samples[..shown.min(full_state.samples.len())],
     );
     let last = drive.last().map_or(0.0, |sample| sample.time);
     let times = (0.0, last);
-    let mut title = format!("{}: {}", core.scenario.name, core.scenario.title(core.kind));
+    let mut title = title.to_owned();
     if shown < whole {
         let all = core.samples.last().map_or(0.0, |sample| sample.time);
         title += &format!(
-            " (the first {last:.3} s of {all:.3} s, then all within 1 % of where they end)"
+            " (the first {last:.3} s of {all:.3} s, then all within {} of where they end)",
+            micro(ended(core, aims), units)
         );
     }
 
     let milli = format!("position [{}]", units.milli_position);
-    let micro = format!("error [{}]", units.micro_position);
+    let milli_distance = format!("distance [{}]", units.milli_position);
+    let micro_distance = format!("distance [{}]", units.micro_position);
+    let micro_error = format!("error [{}]", units.micro_position);
     let velocity = format!("velocity [{}]", units.velocity);
     let over = "time [s]";
     let position = |mass: usize| move |s: &Sample| Some(1e3 * s.truth[2 * mass]);
     let each = |line: &dyn Fn(usize) -> Series| -> Vec<Series> { (0..masses).map(line).collect() };
 
-    let reference = series(drive, |s| Some(1e3 * s.reference));
-    let mut motion = vec![Series::behind("reference", reference)];
+    let bands: Vec<Band> = bands(core, aims, last);
+    let of_the_way = |around: &dyn Fn(&Band) -> f64| -> Vec<Series> {
+        let each = bands.iter().enumerate().map(|(number, band)| {
+            let name = if number == 0 { "2 % of the way" } else { "" };
+            let (middle, half) = (1e3 * around(band), 1e3 * band.half_width);
+            Series::band(name, SHADES.0, (middle - half, middle + half), band.times)
+        });
+        each.collect()
+    };
+    let tolerance = core.settling_tolerance;
+    let within_tolerance = |scale: f64, times: (f64, f64)| {
+        let name = format!("tolerance {}", micro(tolerance, units));
+        let half = scale * tolerance;
+        Series::band(name, SHADES.1, (-half, half), times)
+    };
+
+    let mut motion = of_the_way(&|band| band.target);
+    motion.push(Series::behind(
+        "reference",
+        series(drive, |s| Some(1e3 * s.reference)),
+    ));
     motion.extend(each(&|mass| {
         let points = series(drive, position(mass));
         Series::line(name(mass), mass, points)
     }));
 
-    let band = 1e3 * band(core);
-    let mut error = Series::bounds("2 % of the way", &[-band, band], times);
-    error.extend(each(&|mass| {
-        let points = series(drive, |s| Some(1e3 * (s.truth[2 * mass] - s.reference)));
+    let distance = |mass: usize, s: &Sample| s.truth[2 * mass] - aim(aims, s.time).target;
+    let mut enlarged = of_the_way(&|_| 0.0);
+    enlarged.push(within_tolerance(1e3, times));
+    enlarged.extend(each(&|mass| {
+        let points = series(drive, |s| Some(1e3 * distance(mass, s)));
         Series::line(name(mass), mass, points)
     }));
+    let widest = bands.iter().map(|band| band.half_width).fold(0.0, f64::max);
+    let height = 1e3 * ENLARGED * widest.max(tolerance);
+
+    let arrival = arrival(core, &bands);
+    let arrived = &drive[drive.partition_point(|s| s.time < arrival)..];
+    let mut after = vec![within_tolerance(1e6, (arrival, last))];
+    after.extend(each(&|mass| {
+        let points = series(arrived, |s| Some(1e6 * distance(mass, s)));
+        Series::line(name(mass), mass, points)
+    }));
+    let end = core.samples.last();
+    let left = end.map_or(0.0, |s| {
+        (0..masses).fold(0.0, |most: f64, mass| most.max(distance(mass, s).abs()))
+    });
+    let small = 1e6 * (FURTHER * tolerance).max(LEFT * left);
 
     let (current_caption, current) = current(drive, full, limit, times);
 
@@ -80,10 +128,17 @@ pub fn plot(core: &Run, bound: &Run, limit: f64) -> Result<String> {
             ..Panel::default()
         },
         Panel {
-            caption: "distance from the reference, enlarged",
-            axes: (over, &milli),
-            series: error,
-            heights: (band > 0.0).then_some((-ENLARGED * band, ENLARGED * band)),
+            caption: "distance from the target, enlarged",
+            axes: (over, &milli_distance),
+            series: enlarged,
+            heights: Some((-height, height)),
+            ..Panel::default()
+        },
+        Panel {
+            caption: "distance from the target after arrival, enlarged further",
+            axes: (over, &micro_distance),
+            series: after,
+            heights: Some((-small, small)),
             ..Panel::default()
         },
         Panel {
@@ -94,7 +149,7 @@ pub fn plot(core: &Run, bound: &Run, limit: f64) -> Result<String> {
         },
         Panel {
             caption: "estimate minus truth",
-            axes: (over, &micro),
+            axes: (over, &micro_error),
             series: missed.collect(),
             ..Panel::default()
         },
@@ -162,26 +217,81 @@ fn name(mass: usize) -> String {
     }
 }
 
-/// Half width of the band in which the controlled mass counts as settled, m.
-fn band(run: &Run) -> f64 {
+fn micro(length: f64, units: &Units) -> String {
+    format!("{} {}", (1e7 * length).round() / 10.0, units.micro_position)
+}
+
+/// Where the run is sent at a time.
+fn aim(aims: &[Aim], time: f64) -> Aim {
+    // Asked for in the very period in which it begins.
+    let begun = aims.partition_point(|aim| aim.from <= time + 1e-9);
+    aims[begun.saturating_sub(1)]
+}
+
+/// The band in which the controlled mass counts as settled, while one target holds.
+struct Band {
+    target: f64,
+    half_width: f64,
+    times: (f64, f64),
+}
+
+fn bands(run: &Run, aims: &[Aim], last: f64) -> Vec<Band> {
     let controlled = 2 * controlled_mass(masses(run).saturating_sub(1));
-    let start = run.samples.first().map_or(0.0, |s| s.truth[controlled]);
-    SETTLING_BAND * (run.scenario.target - start).abs()
+    let until = aims.iter().skip(1).map(|next| next.from);
+    let until = until.chain([f64::INFINITY]);
+    let each = aims.iter().zip(until).map(|(aim, until)| {
+        let first = run.samples.partition_point(|s| s.time + 1e-9 < aim.from);
+        let start = run.samples.get(first).map_or(0.0, |s| s.truth[controlled]);
+        Band {
+            target: aim.target,
+            half_width: SETTLING_BAND * (aim.target - start).abs(),
+            times: (aim.from.min(last), until.min(last)),
+        }
+    });
+    each.collect()
+}
+
+/// When the controlled mass has come into its band for the first time to stay there until the next target, s; 0
+/// when it never does.
+fn arrival(run: &Run, bands: &[Band]) -> f64 {
+    let controlled = 2 * controlled_mass(masses(run).saturating_sub(1));
+    let mut each = bands.iter().filter_map(|band| {
+        let (from, to) = band.times;
+        let outside = |s: &&Sample| {
+            let off = (s.truth[controlled] - band.target).abs();
+            (from..to).contains(&s.time) && off > band.half_width
+        };
+        let time = run.samples.iter().rfind(outside).map_or(from, |s| s.time);
+        (time + HELD * (to - from) < to).then_some(time)
+    });
+    each.next().unwrap_or(0.0)
+}
+
+/// How near to where it ends a mass has come when its motion is over, m.
+fn ended(run: &Run, aims: &[Aim]) -> f64 {
+    let widths = bands(run, aims, f64::INFINITY).into_iter();
+    let widths = widths.map(|band| band.half_width / 2.0);
+    widths.fold(run.settling_tolerance, f64::min)
 }
 
 /// Samples up to some time after the last one in which a mass is not where it ends, on its target or beside it,
 /// or the reference not at its end; all of them when that goes on to the end.
-fn moving(run: &Run) -> usize {
-    let band = band(run) / 2.0;
-    let target = run.scenario.target;
-    let end = run.samples.last().map_or(&[][..], |s| s.truth.as_slice());
+fn moving(run: &Run, aims: &[Aim]) -> usize {
+    let near = ended(run, aims);
+    let end = run.samples.last();
+    let ends = end.map_or(&[][..], |s| s.truth.as_slice());
+    let target = aims[aims.len() - 1].target;
     let moves = |s: &Sample| {
-        let positions = s.truth.iter().zip(end).step_by(2);
-        positions.into_iter().any(|(x, end)| (x - end).abs() > band)
-            || (s.reference - target).abs() > band
+        let positions = s.truth.iter().zip(ends).step_by(2);
+        positions.into_iter().any(|(x, end)| (x - end).abs() > near)
+            || (s.reference - target).abs() > near
     };
     let last = run.samples.iter().rposition(moves).unwrap_or(0);
-    let shown = (LONGER * last as f64) as usize;
+    let begin = run
+        .samples
+        .partition_point(|s| s.time < aims[aims.len() - 1].from)
+        .min(last);
+    let shown = begin + (LONGER * (last - begin) as f64) as usize;
     shown.max(SHORTEST).min(run.samples.len())
 }
 

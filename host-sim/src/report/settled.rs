@@ -18,3 +18,11 @@ pub(super) fn settled(metrics: &Metrics, units: &Units) -> String {
         (Motion::Rest, None) => "not settled".into(),
     }
 }
+
+/// The time until all stays within the settling tolerance, ms.
+pub(super) fn within_tolerance(metrics: &Metrics) -> String {
+    match (metrics.fault, metrics.within_tolerance_from) {
+        (None, Some(time)) => format!("{:.0}", 1e3 * time),
+        _ => "-".into(),
+    }
+}

@@ -9,6 +9,7 @@ use crate::chain::minimum_time::{MinimumTime, Task, minimum_time};
 use crate::drive::{Drive, PlantFile, SETTLING_BAND};
 use crate::linear::Result;
 use crate::machine::chain_of;
+use nalgebra::DVector;
 
 /// The bound, or why there is none.
 pub type Bound = Result<MinimumTime>;
@@ -21,10 +22,23 @@ pub type Bound = Result<MinimumTime>;
 /// [`NoSolution`](crate::error::NoSolution) as [`minimum_time`].
 pub fn bound(drive: &Drive, plant: &PlantFile, scenario: &Scenario) -> Bound {
     let chain = chain_of(&plant.actuator, &plant.loads, plant.friction.viscous);
+    let start = scenario.initial_state(&chain);
+    bound_from(drive, plant, &start, scenario.target)
+}
+
+/// The bound of a motion from any state.
+///
+/// * `start`: state `x_a v_a x_1 v_1 …`, m and m/s
+/// * `target`: m
+///
+/// # Errors
+/// As [`bound`].
+pub fn bound_from(drive: &Drive, plant: &PlantFile, start: &DVector<f64>, target: f64) -> Bound {
+    let chain = chain_of(&plant.actuator, &plant.loads, plant.friction.viscous);
     minimum_time(&Task {
         chain: &chain,
-        start: &scenario.initial_state(&chain),
-        target: scenario.target,
+        start,
+        target,
         current_limit: current_limit(drive, plant),
         period: drive.control.sample_time,
         controlled: controlled_mass(chain.loads()),
@@ -44,4 +58,11 @@ pub fn current_limit(drive: &Drive, plant: &PlantFile) -> f64 {
 pub fn times(settling_time: Option<f64>, bound: &Bound) -> Option<f64> {
     let bound = bound.as_ref().ok()?;
     settling_time.map(|time| time / bound.settled)
+}
+
+/// How many times the least time to rest the time until all stays within the settling tolerance is.
+#[must_use]
+pub fn times_rest(time: Option<f64>, bound: &Bound) -> Option<f64> {
+    let bound = bound.as_ref().ok()?;
+    time.map(|time| time / bound.rest)
 }

@@ -138,6 +138,7 @@ mod tests {
         let run = Run {
             kind: Kind::Linear,
             resolution,
+            settling_tolerance: 50e-6,
             scenario: *Scenario::named("fig3").unwrap(),
             law: Law::Core,
             samples: samples.collect(),

@@ -4,7 +4,7 @@ use super::corridor::estimate;
 use super::ending::{Ending, Motion};
 use crate::chain::controlled_mass;
 use crate::drive::SETTLING_BAND;
-use crate::simulate::Run;
+use crate::simulate::{Run, Sample};
 use serde::Serialize;
 
 /// A mass that enters the band in the last part of the run, this share of it, may well leave it again
@@ -23,6 +23,11 @@ pub struct Metrics {
     pub settling_time: Option<f64>,
     /// The same whatever moves at the end, s.
     pub within_band_from: Option<f64>,
+    /// How far from the target counts as there, m.
+    pub settling_tolerance: f64,
+    /// Time after which controlled mass and actuator both stay within that, s; none when they do not within the
+    /// run, or not for good.
+    pub within_tolerance_from: Option<f64>,
     /// Where actuator and controlled mass are at the end, and how they move there.
     pub end: Ending,
     /// Farthest excursion of the controlled mass beyond the target, % of the span.
@@ -71,11 +76,27 @@ pub fn settling_time(run: &Run, band: f64) -> Option<f64> {
     let (controlled, target, span) = motion(run);
     // Written so that what is no number is outside.
     let inside = |x: f64| (x - target).abs() <= band * span.abs();
+    held_from(run, |sample| inside(sample.truth[controlled]))
+}
+
+/// Time after which controlled mass and actuator stay within a distance of the target, s; none when they do not
+/// within the run, or only at its end.
+///
+/// * `tolerance`: m
+#[must_use]
+pub fn within(run: &Run, tolerance: f64) -> Option<f64> {
+    let (controlled, target, _) = motion(run);
+    let inside = |x: f64| (x - target).abs() <= tolerance;
+    held_from(run, |sample| {
+        inside(sample.truth[0]) && inside(sample.truth[controlled])
+    })
+}
+
+/// Time from which on every sample is inside, s; none when that is only so at the end of the run.
+fn held_from(run: &Run, inside: impl Fn(&Sample) -> bool) -> Option<f64> {
     let samples = &run.samples;
-    let settled = match samples.iter().rposition(|s| !inside(s.truth[controlled])) {
-        None => 0,
-        Some(last) => last + 1,
-    };
+    let outside = samples.iter().rposition(|sample| !inside(sample));
+    let settled = outside.map_or(0, |last| last + 1);
     let held = (samples.len() - settled) as f64 >= HELD * samples.len() as f64;
     samples
         .get(settled)
@@ -148,6 +169,8 @@ impl Metrics {
         Self {
             settling_time: within_band_from,
             within_band_from,
+            settling_tolerance: run.settling_tolerance,
+            within_tolerance_from: within(run, run.settling_tolerance),
             end: end.clone(),
             overshoot: 100.0 * beyond.fold(0.0, f64::max),
             residual_vibration: window.map(|_| elements.clone().map(peak_to_peak).collect()),
@@ -160,16 +183,20 @@ impl Metrics {
             fault: run.fault.map(|(_, fault)| fault.number()),
             fault_time: run.fault.map(|(time, _)| time),
         }
-        .with_end(&end)
+        .with_end(&end, within(run, run.settling_tolerance))
     }
 
     /// The same run whose motion at the end is known better: settled is what is also at rest there. Where it
     /// stands at the end of the experiment stays what it was.
+    ///
+    /// * `watched`: from when on all stays within the tolerance, what came after the experiment included, s
     #[must_use]
-    pub(super) fn with_end(self, end: &Ending) -> Self {
+    pub(super) fn with_end(self, end: &Ending, watched: Option<f64>) -> Self {
+        let within = self.within_tolerance_from;
         let rests = end.state == Motion::Rest;
         Self {
             settling_time: self.within_band_from.filter(|_| rests),
+            within_tolerance_from: within.filter(|_| within == watched),
             end: Ending {
                 offset: self.end.offset,
                 ..end.clone()
@@ -182,8 +209,8 @@ impl Metrics {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::Law;
     use crate::simulate::scenario::Scenario;
-    use crate::simulate::{Law, Sample};
     use nalgebra::DVector;
 
     /// A decaying oscillation of mass 2 around 30 mm, whose figures follow from its formula.
@@ -210,6 +237,7 @@ mod tests {
         let run = Run {
             kind: crate::machine::Kind::Linear,
             resolution: 1e-6,
+            settling_tolerance: 50e-6,
             scenario: *Scenario::named("fig3").unwrap(),
             law: Law::FullState,
             samples: samples.collect(),
@@ -237,9 +265,56 @@ mod tests {
             };
             assert_eq!(settling_time(&short, SETTLING_BAND).is_some(), held);
         }
+        // The actuator stands at the origin all the time: mass 2 alone is not enough.
+        assert_eq!(metrics.within_tolerance_from, None);
         assert_eq!(residual[0], 0.0);
         assert!((residual[3] - 2e-5).abs() < 1e-7);
         assert_eq!((metrics.peak_current, metrics.fault), (1.5, None));
         assert!(metrics.estimation_error.is_none());
+    }
+    /// Actuator and mass 2 tend to 30 mm exponentially, 20/s and 10/s: the slower one is within 50 um after
+    /// ln(600)/10 s. The others do not count.
+    #[test]
+    fn both_masses_have_to_be_within_the_tolerance() {
+        let run = |rates: [f64; 2], seconds: f64, tolerance: f64| {
+            let samples = (0..(1e3 * seconds) as usize).map(|k| {
+                let time = k as f64 * 1e-3;
+                let mut truth = DVector::zeros(8);
+                truth[0] = 0.03 * (1.0 - (-rates[0] * time).exp());
+                truth[4] = 0.03 * (1.0 - (-rates[1] * time).exp());
+                Sample {
+                    time,
+                    count: 0,
+                    truth,
+                    true_reaction_force: 0.0,
+                    reference: 0.03,
+                    applied_current: 0.0,
+                    command: 0.0,
+                    limited: false,
+                    record: None,
+                }
+            });
+            let run = Run {
+                kind: crate::machine::Kind::Linear,
+                resolution: 1e-6,
+                settling_tolerance: tolerance,
+                scenario: *Scenario::named("fig3").unwrap(),
+                law: Law::FullState,
+                samples: samples.collect(),
+                fault: None,
+            };
+            Metrics::new(&run).within_tolerance_from
+        };
+        for (rates, tolerance) in [
+            ([20.0, 10.0], 50e-6),
+            ([10.0, 20.0], 50e-6),
+            ([10.0, 10.0], 1e-3),
+        ] {
+            let expected = (0.03_f64 / tolerance).ln() / 10.0;
+            let found = run(rates, 1.2, tolerance).unwrap();
+            assert!((0.0..1e-3).contains(&(found - expected)), "{found}");
+        }
+        // Reached in the last tenth of the run: nobody knows whether it stays.
+        assert_eq!(run([20.0, 10.0], 0.66, 50e-6), None);
     }
 }

@@ -74,12 +74,6 @@ pub const SCENARIOS: [Scenario; 5] = [
     Scenario::PLANNED,
 ];
 
-/// The paper's experiments.
-#[must_use]
-pub fn of_the_paper() -> &'static [Scenario] {
-    &SCENARIOS[..4]
-}
-
 impl Scenario {
     /// A planned move.
     pub const PLANNED: Self = Self {
