@@ -16,11 +16,14 @@
 
 mod bounds;
 mod encoder_observer;
+mod guide;
 mod held_out;
 mod laws;
+pub mod moves;
 mod notch;
 mod pd;
 mod shaper;
+mod spread;
 mod tune;
 
 pub use bounds::bounds;
@@ -29,6 +32,7 @@ pub use held_out::HeldOut;
 pub use notch::Settings as NotchSettings;
 pub use pd::{DisturbanceSettings, ReferenceSettings, Settings as PdSettings};
 pub use shaper::Shaper;
+pub use spread::Spread;
 
 use crate::design::Design;
 use crate::drive::PlantFile;
@@ -234,36 +238,39 @@ pub fn require_comparable(design: &Design) -> Result<()> {
 pub fn compare(design: &Design, effort: Effort, progress: &Progress<'_>) -> Result<Vec<Row>> {
     require_comparable(design)?;
     let bench = Bench::new(design, effort);
-    let (designed, tuned) = (laws::designed(design), laws::tuned(design));
+    let scenario = scenario();
+    let (designed, tuned) = (
+        laws::designed(design, scenario),
+        laws::tuned(design, scenario),
+    );
     let count = designed.len() + tuned.len();
     let mut rows = Vec::with_capacity(count);
     for (law, make) in designed {
         progress(rows.len(), count, law);
         rows.push(bench.row(law, Tuning::Design, None, &make));
     }
-    let mut plain: Option<Vec<f64>> = None;
-    for mut law in tuned {
-        let name = law.name;
-        if let (Some(plain), Some(neutral)) = (&plain, &law.neutral) {
-            law.space.starts.push([&plain[..], neutral].concat());
-        }
-        let (point, criterion) = bench.tune(&law, &|made, of| {
-            progress(rows.len(), count, &format!("{name}, {made} of {of}"));
-        });
-        if law.neutral.is_some() {
-            plain.get_or_insert_with(|| point.clone());
-        }
-        let (tuning, make) = (law.form)(&point).map_err(|error| {
-            Error::Comparison(format!("{name} cannot be formed for this drive: {error}"))
-        })?;
-        let criterion = criterion * design.drive.control.sample_time;
-        rows.push(bench.row(name, tuning, Some(criterion), &make));
-    }
+    bench.tune_each(
+        tuned,
+        &|done, what| progress(count - done, count, what),
+        |found| {
+            rows.push(bench.row(found.name, found.tuning, Some(found.criterion), &found.make));
+        },
+    )?;
     Ok(rows)
+}
+
+/// A law that has been tuned.
+struct Found<'a> {
+    name: &'static str,
+    tuning: Tuning,
+    /// s.
+    criterion: f64,
+    make: Make<'a>,
 }
 
 /// The plants, and how long a run takes on them.
 struct Bench {
+    scenario: Scenario,
     cases: Vec<Case>,
     drawn: Vec<Case>,
     /// s.
@@ -278,6 +285,7 @@ impl Bench {
     fn new(design: &Design, effort: Effort) -> Self {
         let duration = duration(design);
         Self {
+            scenario: *scenario(),
             cases: cases(design),
             drawn: held_out::cases(design, coulomb(design), effort.plants),
             period: design.drive.control.sample_time,
@@ -293,7 +301,13 @@ impl Bench {
         let result = make(case).and_then(|mut control| {
             let plant = (&case.plant, case.late);
             let time = (self.period, self.watched);
-            let run = close_loop(Law::Rival(law), control.as_mut(), plant, scenario(), time)?;
+            let run = close_loop(
+                Law::Rival(law),
+                control.as_mut(),
+                plant,
+                &self.scenario,
+                time,
+            )?;
             Ok(judged(run, periods).1)
         });
         Outcome {
@@ -310,6 +324,45 @@ impl Bench {
         let of = self.evaluations;
         let cost = |point: &[f64]| self.worst(law, point);
         tune::search(&law.space, of, &cost, &|made| progress(made, of))
+    }
+
+    /// Tunes laws one after the other; those that can be PD itself also start from what plain PD has come to.
+    ///
+    /// * `progress`: told how many laws are left, and what is done just now
+    /// * `found`: gets each law
+    ///
+    /// # Errors
+    /// [`Error::Comparison`] when a law cannot be formed in its whole box.
+    fn tune_each<'a>(
+        &self,
+        laws: Vec<Tuned<'a>>,
+        progress: &dyn Fn(usize, &str),
+        mut found: impl FnMut(Found<'a>),
+    ) -> Result<()> {
+        let mut plain: Option<Vec<f64>> = None;
+        let count = laws.len();
+        for (done, mut law) in laws.into_iter().enumerate() {
+            let name = law.name;
+            if let (Some(plain), Some(neutral)) = (&plain, &law.neutral) {
+                law.space.starts.push([&plain[..], neutral].concat());
+            }
+            let (point, criterion) = self.tune(&law, &|made, of| {
+                progress(count - done, &format!("{name}, {made} of {of}"));
+            });
+            if law.neutral.is_some() {
+                plain.get_or_insert_with(|| point.clone());
+            }
+            let (tuning, make) = (law.form)(&point).map_err(|error| {
+                Error::Comparison(format!("{name} cannot be formed for this drive: {error}"))
+            })?;
+            found(Found {
+                name,
+                tuning,
+                criterion: criterion * self.period,
+                make,
+            });
+        }
+        Ok(())
     }
 
     fn row(
@@ -346,7 +399,7 @@ impl Bench {
             let result = make(case).and_then(|mut control| {
                 let (law, plant) = (Law::Rival(law.name), (&case.plant, case.late));
                 let time = (self.period, self.duration);
-                close_loop(law, control.as_mut(), plant, scenario(), time)
+                close_loop(law, control.as_mut(), plant, &self.scenario, time)
             });
             match result {
                 Ok(run) if run.fault.is_none() => tune::criterion(&run),
@@ -406,10 +459,10 @@ mod tests {
         };
         let bench = Bench::new(&design, effort);
         let mut rows = Vec::new();
-        for (law, make) in laws::designed(&design) {
+        for (law, make) in laws::designed(&design, scenario()) {
             rows.push(bench.row(law, Tuning::Design, None, &make));
         }
-        for law in laws::tuned(&design) {
+        for law in laws::tuned(&design, scenario()) {
             if ["PD", "PD + notch"].contains(&law.name) {
                 let (point, criterion) = bench.tune(&law, &|_, _| ());
                 let (tuning, make) = (law.form)(&point).unwrap();

@@ -239,64 +239,8 @@ fn tunings(rows: &[Row], units: &Units, evaluations: usize) -> String {
          plant.\n"
     );
     for row in rows {
-        match &row.tuning {
-            Tuning::Design => {}
-            Tuning::Pd(pd) => {
-                text += &format!(
-                    "{}: {:.2} {}, {:.3} {}",
-                    row.law,
-                    pd.position_gain,
-                    units.position_gain,
-                    pd.velocity_gain,
-                    units.velocity_gain
-                );
-                if let Some(notch) = &pd.notch {
-                    text += &format!(
-                        ", notch at {:.2} Hz with damping ratios {:.3} over {:.3}",
-                        notch.centre / std::f64::consts::TAU,
-                        notch.depth,
-                        notch.width
-                    );
-                } else if let Some(disturbance) = &pd.disturbance {
-                    text += &format!(
-                        ", observer of {:.1} rad/s for {} {}",
-                        disturbance.cutoff,
-                        significant(disturbance.mass, 3),
-                        units.mass
-                    );
-                } else if let Some(reference) = &pd.reference {
-                    text += &format!(
-                        ", ramps of {:.1} ms, shaper for {:.2} Hz and damping ratio {:.2}",
-                        1e3 * reference.ramp,
-                        reference.frequency / std::f64::consts::TAU,
-                        reference.damping
-                    );
-                }
-                text += "\n";
-            }
-            Tuning::Weights(weights) => {
-                let list = |values: &[f64]| {
-                    let values = values.iter().map(|value| significant(*value, 3));
-                    values.collect::<Vec<_>>().join(", ")
-                };
-                text += &format!(
-                    "{}: position [{}] {}, velocity [{}] {}, load_force_ratio {}, disturbance_rate {} 1/s\n",
-                    row.law,
-                    list(&weights.position),
-                    units.position_weight,
-                    list(&weights.velocity),
-                    units.velocity_weight,
-                    significant(weights.load_force_ratio, 3),
-                    significant(weights.disturbance_rate, 3)
-                );
-            }
-            Tuning::Encoder(filter) => {
-                let force = units.force;
-                text += &format!(
-                    "{}: {:.2e} {force}/sqrt(Hz) on each load, disturbance {:.2e} {force}/sqrt(s)\n",
-                    row.law, filter.load_force, filter.disturbance
-                );
-            }
+        if !matches!(row.tuning, Tuning::Design) {
+            text += &format!("{}: {}\n", row.law, tuning(&row.tuning, units));
         }
         if let Some(criterion) = row.criterion {
             text.pop();
@@ -309,4 +253,62 @@ fn tunings(rows: &[Row], units: &Units, evaluations: usize) -> String {
         }
     }
     text
+}
+
+/// What a law was tuned to.
+pub(super) fn tuning(tuning: &Tuning, units: &Units) -> String {
+    match tuning {
+        Tuning::Design => "as designed".into(),
+        Tuning::Pd(pd) => {
+            let mut text = format!(
+                "{:.2} {}, {:.3} {}",
+                pd.position_gain, units.position_gain, pd.velocity_gain, units.velocity_gain
+            );
+            if let Some(notch) = &pd.notch {
+                text += &format!(
+                    ", notch at {:.2} Hz with damping ratios {:.3} over {:.3}",
+                    notch.centre / std::f64::consts::TAU,
+                    notch.depth,
+                    notch.width
+                );
+            } else if let Some(disturbance) = &pd.disturbance {
+                text += &format!(
+                    ", observer of {:.1} rad/s for {} {}",
+                    disturbance.cutoff,
+                    significant(disturbance.mass, 3),
+                    units.mass
+                );
+            } else if let Some(reference) = &pd.reference {
+                text += &format!(
+                    ", ramps of {:.1} ms, shaper for {:.2} Hz and damping ratio {:.2}",
+                    1e3 * reference.ramp,
+                    reference.frequency / std::f64::consts::TAU,
+                    reference.damping
+                );
+            }
+            text
+        }
+        Tuning::Weights(weights) => {
+            let list = |values: &[f64]| {
+                let values = values.iter().map(|value| significant(*value, 3));
+                values.collect::<Vec<_>>().join(", ")
+            };
+            format!(
+                "position [{}] {}, velocity [{}] {}, load_force_ratio {}, disturbance_rate {} 1/s",
+                list(&weights.position),
+                units.position_weight,
+                list(&weights.velocity),
+                units.velocity_weight,
+                significant(weights.load_force_ratio, 3),
+                significant(weights.disturbance_rate, 3)
+            )
+        }
+        Tuning::Encoder(filter) => {
+            let force = units.force;
+            format!(
+                "{:.2e} {force}/sqrt(Hz) on each load, disturbance {:.2e} {force}/sqrt(s)",
+                filter.load_force, filter.disturbance
+            )
+        }
+    }
 }
