@@ -85,7 +85,7 @@ struct Parts<'p, const N: usize, O> {
     observer: O,
     moves: Moves<'p>,
     friction: FrictionFeedForward,
-    standstill: Standstill,
+    standstill: Standstill<N>,
     regulator: Regulator<N>,
     limits: Limits,
     direction_check: DirectionCheck,
@@ -352,6 +352,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             standstill: standstill::Memory::at_rest(self.holding_force),
             fed: Fed::default(),
             expected: Expected::default(),
+            limited: 0,
             protection: self.protection.begin(stiction, set.then_some(place)),
         }
     }
@@ -511,20 +512,20 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             return self.limited(Current(feedback.0 + compensation));
         }
         let feedback = self.regulator.step(&difference);
-        let compensation = self.standstill.step(
-            &mut memory.standstill,
-            reference.rests,
-            error,
-            difference.disturbance,
-        );
-        let friction = self.friction.step(velocity);
+        let rule = self
+            .standstill
+            .step(&mut memory.standstill, reference.rests, &difference);
+        let friction = self.friction.step(velocity, rule.intended);
         memory.fed.friction = Current(friction.0 * self.current_per_force);
-        self.limited(Current(
+        let command = self.limited(Current(
             reference.feed_forward.0
                 + memory.fed.friction.0
                 + feedback.0
-                + compensation.0 * self.current_per_force,
-        ))
+                + rule.compensation.0 * self.current_per_force,
+        ))?;
+        let cut = command.is_some_and(|command| command.limited) && !reference.rests;
+        self.slip(memory, &mut running.asked, cut.then_some(error));
+        Ok(command)
     }
 
     /// What is asked of the moves is begun, and the target moves on.
@@ -545,6 +546,35 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             self.observer.shift(&mut memory.observer, distance);
         }
         Ok(())
+    }
+
+    /// A machine that is held back at the current limit is not run away from: where that lasts, the reference
+    /// goes on from where the machine is, and what is then missing is a move of its own.
+    ///
+    /// * `behind`: by how much the machine is, where the current limit acts in a move
+    fn slip(
+        &self,
+        memory: &mut Loop<N, O::Memory>,
+        asked: &mut Option<Request>,
+        behind: Option<Position>,
+    ) {
+        let Some(Position(error)) = behind else {
+            memory.limited = 0;
+            return;
+        };
+        memory.limited = memory.limited.saturating_add(1);
+        if memory.limited < self.moves.patience() || error.abs() <= self.standstill.tolerance {
+            return;
+        }
+        memory.limited = 0;
+        let before = memory.target;
+        let counts = self.encoder.place(Position(error)).0;
+        memory.target = Place(before.0.wrapping_add(counts));
+        let distance = self.encoder.distance(before, memory.target);
+        self.observer.shift(&mut memory.observer, distance);
+        if asked.is_none() && !memory.moves.jogs() {
+            *asked = Some(Request::Move(before));
+        }
     }
 
     /// The command of an open loop: a current beside what carries the machine.

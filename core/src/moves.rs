@@ -120,6 +120,11 @@ impl<const N: usize> Memory<N> {
         self.pace == 0 && self.beyond == 0 && self.segments.iter().all(Option::is_none)
     }
 
+    /// Whether the target moves.
+    pub(crate) fn jogs(&self) -> bool {
+        self.pace != 0
+    }
+
     fn add(&mut self, segment: Segment) {
         if let Some(free) = self.segments.iter_mut().find(|free| free.is_none()) {
             *free = Some(segment);
@@ -156,6 +161,12 @@ impl<'p> Moves<'p> {
             sample_time,
             resolution,
         }
+    }
+
+    /// For how many periods in a row the current may be at its limit before the reference waits: an eighth of a
+    /// change of velocity.
+    pub(crate) fn patience(&self) -> u32 {
+        self.ticks(&self.plans.change).unsigned_abs() / 8
     }
 
     /// Whether these are as in their copy.

@@ -44,7 +44,7 @@ pub struct Settings<const N: usize, O> {
     /// Friction that is fed forward.
     pub friction: FrictionFeedForward,
     /// The rule for rest.
-    pub standstill: Standstill,
+    pub standstill: Standstill<N>,
     /// Force by which the motor holds the machine where it stands, positive as a positive current: what
     /// carries the load against gravity, N.
     pub holding_force: f32,

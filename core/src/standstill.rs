@@ -1,23 +1,43 @@
-//! The rule for rest: what the integrating part of the loop may do while the machine ought to stand.
+//! The rule for rest: what is done against friction once the machine ought to stand, and when it ends.
 //!
-//! The disturbance state integrates: against stiction and a coarse encoder it would push for ever, slip,
-//! and push the other way. So what it finds is compensated as it comes while the reference moves and for a
-//! while after; where the machine then stands within the tolerance the compensation is held, and there is
-//! nothing left in the loop that integrates. Farther away it follows slowly: slowly enough that friction
-//! lets go of the machine without a leap.
+//! Two things go wrong at the end of a move. Friction holds the actuator while the loads still swing, so that
+//! nothing damps them; and the disturbance state integrates against stiction, slips, and integrates the other
+//! way, for ever. So there are three phases:
+//!
+//! ```text
+//! reference moves --> settling --(quiet, or long enough)--> held
+//!                                                           ^  |  error beyond the tolerance
+//!                                                           |  v
+//!                                                       follows slowly
+//! ```
+//!
+//! * *Settling*: friction is fed forward in the direction in which the actuator would soon move without it,
+//!   `v + τ dv/dt` of the frictionless closed loop; to the loop the machine then has none. A wrong friction can
+//!   do harm as long only as this phase lasts. What the disturbance state finds is compensated at once.
+//! * *Held*: no friction is fed forward, the compensation stays as it is, and nothing in the loop integrates.
+//! * *Follows slowly*: farther from the target than the tolerance; slowly enough that friction lets go of the
+//!   machine without a leap.
 
 use crate::check::{SettingsError, not_negative, positive};
-use crate::units::{Force, Position};
+use crate::observer::Estimate;
+use crate::regulator::Regulator;
+use crate::units::{Force, Velocity};
 use serde::{Deserialize, Serialize};
 
 /// Coefficients.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Standstill {
+pub struct Standstill<const N: usize> {
     /// How far from the target the actuator may stand, m.
     pub tolerance: f32,
-    /// How long after the reference has come to rest the compensation follows at once, periods.
+    /// Longest time that settling may take, periods.
     pub settling: u32,
-    /// Share of the way to what is found that it follows in a period after that.
+    /// How long nothing must want to move for it to have settled, periods.
+    pub quiet: u32,
+    /// Velocity below which the actuator does not want to move, m/s.
+    pub least_velocity: f32,
+    /// `−(v + τ dv/dt)`, of the difference from the reference: 1/s, and 1.
+    pub intention: Regulator<N>,
+    /// Share of the way to what is found that the compensation follows in a period where it follows slowly.
     pub rate: f32,
 }
 
@@ -27,6 +47,8 @@ pub(crate) struct Memory {
     compensation: f32,
     /// Periods since the reference came to rest.
     rested: u32,
+    /// Periods since anything wanted to move.
+    quiet: u32,
     /// Whether it is held.
     holds: bool,
 }
@@ -36,49 +58,70 @@ impl Memory {
     pub(crate) fn at_rest(force: Force) -> Self {
         Self {
             compensation: force.0,
-            rested: 0,
-            holds: false,
+            ..Self::default()
         }
     }
 }
 
-/// Share of the tolerance within which the compensation begins to be held.
+/// What the rule says for one period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rule {
+    /// The force that is compensated.
+    pub(crate) compensation: Force,
+    /// Where the actuator would move without friction, where that is to be helped.
+    pub(crate) intended: Velocity,
+}
+
+/// Share of the tolerance within which it is held, and farther off again let go.
 const NEAR: f32 = 0.5;
 
-impl Standstill {
-    /// One period: the force that is compensated.
+impl<const N: usize> Standstill<N> {
+    /// One period.
     ///
     /// * `rests`: whether the reference does
-    /// * `error`: of the actuator
-    /// * `found`: the disturbance that the observer finds
-    pub(crate) fn step(
-        &self,
-        memory: &mut Memory,
-        rests: bool,
-        error: Position,
-        found: Force,
-    ) -> Force {
+    /// * `difference`: of the machine from it
+    pub(crate) fn step(&self, memory: &mut Memory, rests: bool, difference: &Estimate<N>) -> Rule {
+        let found = difference.disturbance;
+        let error = difference.position.0.abs();
         memory.rested = if rests {
             memory.rested.saturating_add(1)
         } else {
             0
         };
-        if memory.rested <= self.settling {
+        let intended = self.intention.step(difference).0;
+        let wants = intended.abs() > self.least_velocity;
+        let still = rests && !wants && error <= NEAR * self.tolerance;
+        memory.quiet = if still {
+            memory.quiet.saturating_add(1)
+        } else {
+            0
+        };
+        let held = memory.holds && rests;
+        if !held && memory.rested <= self.settling && memory.quiet < self.quiet {
             memory.holds = false;
             memory.compensation = found.0;
-            return found;
+            return Rule {
+                compensation: found,
+                intended: Velocity(if rests && wants { intended } else { 0.0 }),
+            };
         }
         let near = if memory.holds { 1.0 } else { NEAR };
         // Written so that what is no number is not held.
-        memory.holds = error.0.abs() <= near * self.tolerance;
-        if !memory.holds {
+        let within = error <= near * self.tolerance;
+        memory.holds = within;
+        if !within {
             memory.compensation += self.rate * (found.0 - memory.compensation);
         }
-        Force(memory.compensation)
+        Rule {
+            compensation: Force(memory.compensation),
+            intended: Velocity(0.0),
+        }
     }
 
     pub(crate) fn check(&self) -> Result<(), SettingsError> {
         positive("standstill.tolerance", self.tolerance)?;
-        not_negative("standstill.rate", self.rate)
+        not_negative("standstill.least_velocity", self.least_velocity)?;
+        not_negative("standstill.rate", self.rate)?;
+        self.intention.check()
     }
 }

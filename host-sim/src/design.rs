@@ -65,6 +65,13 @@ pub struct Design {
 
 /// Share of the velocity limit below which Coulomb friction is fed forward in part.
 const SMOOTHING: f64 = 1e-3;
+/// How far ahead the drive looks for where the actuator wants to move: a share of the slowest mode's period.
+const INTENDED_IN: f64 = 0.16;
+/// Longest that friction is worked against after arrival: periods of the slowest mode, and s.
+const SETTLING: f64 = 8.0;
+const LONGEST_SETTLING: f64 = 0.8;
+/// Velocity at which the actuator is quiet: a share of that of the slowest mode swinging by the tolerance.
+const QUIET: f64 = 0.1;
 
 impl Design {
     /// Designs regulator and observer for a drive.
@@ -241,17 +248,35 @@ impl Design {
         }
     }
 
-    /// The rule for rest, as the core takes it.
+    /// The rule for rest, as the core takes it. Its constants were chosen by measurement, on plants near the
+    /// default drive with friction.
     #[must_use]
-    pub fn standstill(&self) -> Standstill {
+    pub fn standstill<const N: usize>(&self) -> Standstill<N> {
         let period = self.drive.control.sample_time;
         let slowest = self
             .modes()
             .first()
-            .map_or(0.0, |mode| 1.0 / mode.frequency_hz);
+            .map_or(period, |mode| 1.0 / mode.frequency_hz);
+        let periods = |time: f64| (time / period).round() as u32;
+        // −(v + τ dv/dt) of the true state under its own feedback.
+        let acceleration = self.chain.a().row(1) - self.chain.b()[1] * &self.regulator;
+        let mut intention = -INTENDED_IN * slowest * acceleration;
+        intention[1] -= 1.0;
+        let mass_gain = |mass: usize| MassGain {
+            position: intention[2 * mass] as f32,
+            velocity: intention[2 * mass + 1] as f32,
+        };
+        let tolerance = self.motion.settling_tolerance;
+        let swing = tolerance * std::f64::consts::TAU / slowest;
         Standstill {
-            tolerance: self.motion.settling_tolerance as f32,
-            settling: (slowest / period).round() as u32,
+            tolerance: tolerance as f32,
+            settling: periods((SETTLING * slowest).min(LONGEST_SETTLING)),
+            quiet: periods(slowest),
+            least_velocity: (QUIET * swing) as f32,
+            intention: Regulator {
+                actuator: mass_gain(0),
+                loads: std::array::from_fn(|load| mass_gain(load + 1)),
+            },
             rate: (period / slowest.max(period)) as f32,
         }
     }

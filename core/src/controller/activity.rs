@@ -193,6 +193,8 @@ pub(super) struct Loop<const N: usize, M> {
     pub(super) fed: Fed,
     /// The force that the reference's load exerts, beside what the observers find.
     pub(super) expected: Expected,
+    /// For how many periods the current limit has acted in a move.
+    pub(super) limited: u32,
     pub(super) protection: protection::Memory,
 }
 
