@@ -115,6 +115,8 @@ pub struct OnPlants {
     pub times_bound: Spread,
     /// After which the controlled mass stays within the band, whatever moves at the end, s.
     pub within_band: Spread,
+    /// The same over the plant's own bound.
+    pub within_band_times_bound: Spread,
     /// After which actuator and controlled mass stay within the tolerance, s.
     pub within_tolerance: Spread,
     /// Peak-to-peak motion of the controlled mass after arrival, m.
@@ -270,16 +272,18 @@ impl OnPlants {
             let found = figures.iter().flatten();
             found.filter(|figures| is(figures)).count()
         };
-        let over_bound = figures.iter().zip(bounds).map(|(figures, bound)| {
-            let settled = figures.as_ref().ok()?.settled;
-            times(settled, bound)
-        });
+        let over_bound = |time: &dyn Fn(&Figures) -> Option<f64>| {
+            let each = figures.iter().zip(bounds);
+            let each = each.map(|(figures, bound)| times(time(figures.as_ref().ok()?), bound));
+            Spread::of(&each.collect::<Vec<_>>())
+        };
         let failed = |error: &&Result<Figures>| error.is_err();
         Self {
             law,
             settled: spread(&|f| f.settled),
-            times_bound: Spread::of(&over_bound.collect::<Vec<_>>()),
+            times_bound: over_bound(&|f| f.settled),
             within_band: spread(&|f| f.within_band),
+            within_band_times_bound: over_bound(&|f| f.within_band),
             within_tolerance: spread(&|f| f.within_tolerance),
             residual: spread(&|f| Some(f.residual)),
             offset: spread(&|f| Some(f.offset)),

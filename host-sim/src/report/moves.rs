@@ -96,6 +96,7 @@ fn on_set(set: &OnSet) -> String {
         "settling [ms]",
         "x bound",
         "in the band [ms]",
+        "x bound",
         "in tolerance [ms]",
         "residual [um p-p]",
         "off [um]",
@@ -108,7 +109,7 @@ fn on_set(set: &OnSet) -> String {
     ]);
     let least = spread(&set.bound, 1e3, 0, set.plants);
     let mut row = vec![Cell::new("bound"), right(least)];
-    row.resize_with(13, || right("-".into()));
+    row.resize_with(14, || right("-".into()));
     table.add_row(row);
     for law in &set.laws {
         table.add_row(cells(law, set.plants));
@@ -121,6 +122,7 @@ fn cells(law: &OnPlants, plants: usize) -> Vec<Cell> {
         (&law.settled, 1e3, 0),
         (&law.times_bound, 1.0, 2),
         (&law.within_band, 1e3, 0),
+        (&law.within_band_times_bound, 1.0, 2),
         (&law.within_tolerance, 1e3, 0),
         (&law.residual, 1e6, 0),
         (&law.offset, 1e6, 0),
