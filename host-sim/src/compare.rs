@@ -1,6 +1,7 @@
 //! The drive beside its rivals, on the same plants in the same run.
 //!
-//! A step under: the drive as designed, and its gain on the true state; the drive with weights that are
+//! Two ways of going: the raw step, and the planned move (`guide`), over the same distance on the same plants.
+//! Under them: the drive as designed, and its gain on the true state; the drive with weights that are
 //! tuned here, a Kalman filter of the encoder alone with the drive's gain, and collocated PD, alone, with
 //! a notch, with a disturbance observer, and on references shaped by ZV, ZVD, EI and MZV.
 //!
@@ -39,12 +40,13 @@ use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::output::Progress;
 use crate::simulate::metrics::Metrics;
-use crate::simulate::scenario::{SCENARIOS, Scenario};
+use crate::simulate::scenario::{Approach, SCENARIOS, Scenario};
 use crate::simulate::watch::judged;
 use crate::simulate::{Law, close_loop};
 use laws::{Make, Tuned};
 use rayon::prelude::*;
 use serde::Serialize;
+use tune::Moving;
 
 /// One plant of the comparison.
 #[derive(Clone, Debug)]
@@ -64,10 +66,22 @@ pub struct Case {
 pub struct Outcome {
     /// Which plant.
     pub case: String,
+    /// Whether every law that is tuned is tuned on it.
+    pub tuned_on: bool,
     /// The figures; none when the run could not be made.
     pub metrics: Option<Metrics>,
     /// Why it could not.
     pub failure: Option<String>,
+}
+
+/// All laws, by both ways of going.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// By a raw step.
+    pub steps: Vec<Row>,
+    /// By planned moves: on the same plan with the same friction fed forward, and behind input shapers on ramps of
+    /// their own.
+    pub moves: Vec<Row>,
 }
 
 /// A law on all plants.
@@ -124,7 +138,7 @@ pub struct Effort {
 impl Default for Effort {
     fn default() -> Self {
         Self {
-            evaluations: 2000,
+            evaluations: 1200,
             plants: 50,
         }
     }
@@ -229,41 +243,48 @@ pub fn require_comparable(design: &Design) -> Result<()> {
     Ok(())
 }
 
-/// All laws on all plants.
+/// All laws on all plants. Laws behind input shapers are tuned once, for the step; all others for either way.
 ///
 /// * `progress`: told of each law as its turn comes, and how far its tuning is
 ///
 /// # Errors
-/// [`Error::Comparison`] when the runs are too long, or no law can be formed in the whole box of a rival.
-pub fn compare(design: &Design, effort: Effort, progress: &Progress<'_>) -> Result<Vec<Row>> {
+/// [`Error::Design`] when there are no planned moves, [`Error::Comparison`] when the runs are too long, or no law can
+/// be formed in the whole box of a rival.
+pub fn compare(design: &Design, effort: Effort, progress: &Progress<'_>) -> Result<Comparison> {
     require_comparable(design)?;
-    let bench = Bench::new(design, effort);
-    let scenario = scenario();
-    let (designed, tuned) = (
-        laws::designed(design, scenario),
-        laws::tuned(design, scenario),
-    );
-    let count = designed.len() + tuned.len();
-    let mut rows = Vec::with_capacity(count);
-    for (law, make) in designed {
-        progress(rows.len(), count, law);
-        rows.push(bench.row(law, Tuning::Design, None, &make));
-    }
-    bench.tune_each(
-        tuned,
-        &|done, what| progress(count - done, count, what),
-        |found| {
-            rows.push(bench.row(found.name, found.tuning, Some(found.criterion), &found.make));
-        },
+    let planned = Scenario {
+        approach: Approach::Move,
+        ..*scenario()
+    };
+    let mut bench = Bench::new(design, effort);
+    let mut shaped = Vec::new();
+    let half = laws::tuned(design, scenario()).len() + laws::designed(design, scenario()).len();
+    let steps = bench.rows(
+        design,
+        scenario(),
+        &|done, what| progress(done, 2 * half, what),
+        &mut shaped,
     )?;
-    Ok(rows)
+    bench.go_by(design, &planned);
+    let moves = bench.rows(
+        design,
+        &planned,
+        &|done, what| progress(half + done, 2 * half, &format!("planned move, {what}")),
+        &mut shaped,
+    )?;
+    Ok(Comparison { steps, moves })
 }
+
+/// What a law was tuned to before: its name, the point and its criterion in control periods.
+type Known = (&'static str, Vec<f64>, f64);
 
 /// A law that has been tuned.
 struct Found<'a> {
     name: &'static str,
+    shaped: bool,
     tuning: Tuning,
-    /// s.
+    /// The same as a point of its box, and the criterion there, control periods.
+    point: Vec<f64>,
     criterion: f64,
     make: Make<'a>,
 }
@@ -279,6 +300,8 @@ struct Bench {
     duration: f64,
     watched: f64,
     evaluations: usize,
+    /// What a law that is tuned is punished for at the end of a run.
+    moving: Moving,
 }
 
 impl Bench {
@@ -292,7 +315,48 @@ impl Bench {
             duration,
             watched: (1.0 + WATCHED) * duration,
             evaluations: evaluations(design, effort),
+            moving: Moving::Any,
         }
+    }
+
+    /// From now on by planned moves, on plants with the friction that the drive feeds forward.
+    fn go_by(&mut self, design: &Design, scenario: &Scenario) {
+        self.scenario = *scenario;
+        self.moving = Moving::Lasting;
+        for case in &mut self.cases {
+            let friction = &mut case.plant.friction.coulomb;
+            *friction = friction.max(design.drive.friction.coulomb);
+        }
+    }
+
+    /// All laws on all plants.
+    ///
+    /// * `progress`: told how many are done, and what is done just now
+    /// * `shaped`: what those behind input shapers were tuned to, if they were, and afterwards are
+    fn rows(
+        &self,
+        design: &Design,
+        scenario: &Scenario,
+        progress: &dyn Fn(usize, &str),
+        shaped: &mut Vec<Known>,
+    ) -> Result<Vec<Row>> {
+        let mut rows = Vec::new();
+        for (law, make) in laws::designed(design, scenario) {
+            progress(rows.len(), law);
+            rows.push(self.row(law, Tuning::Design, None, &make));
+        }
+        let tuned = laws::tuned(design, scenario);
+        let count = rows.len() + tuned.len();
+        let told = |left: usize, what: &str| progress(count - left, what);
+        let known = shaped.clone();
+        self.tune_each(tuned, &known, &told, |found| {
+            let criterion = found.criterion * self.period;
+            rows.push(self.row(found.name, found.tuning, Some(criterion), &found.make));
+            if found.shaped {
+                shaped.push((found.name, found.point, found.criterion));
+            }
+        })?;
+        Ok(rows)
     }
 
     /// A law's figures on one plant.
@@ -312,6 +376,7 @@ impl Bench {
         });
         Outcome {
             case: case.name.clone(),
+            tuned_on: case.tuned,
             failure: result.as_ref().err().map(ToString::to_string),
             metrics: result.ok(),
         }
@@ -328,6 +393,7 @@ impl Bench {
 
     /// Tunes laws one after the other; those that can be PD itself also start from what plain PD has come to.
     ///
+    /// * `known`: what some of them have been tuned to before
     /// * `progress`: told how many laws are left, and what is done just now
     /// * `found`: gets each law
     ///
@@ -336,6 +402,7 @@ impl Bench {
     fn tune_each<'a>(
         &self,
         laws: Vec<Tuned<'a>>,
+        known: &[Known],
         progress: &dyn Fn(usize, &str),
         mut found: impl FnMut(Found<'a>),
     ) -> Result<()> {
@@ -346,9 +413,13 @@ impl Bench {
             if let (Some(plain), Some(neutral)) = (&plain, &law.neutral) {
                 law.space.starts.push([&plain[..], neutral].concat());
             }
-            let (point, criterion) = self.tune(&law, &|made, of| {
-                progress(count - done, &format!("{name}, {made} of {of}"));
-            });
+            let before = known.iter().find(|(known, ..)| *known == name);
+            let (point, criterion) = match before {
+                Some((_, point, criterion)) => (point.clone(), *criterion),
+                None => self.tune(&law, &|made, of| {
+                    progress(count - done, &format!("{name}, {made} of {of}"));
+                }),
+            };
             if law.neutral.is_some() {
                 plain.get_or_insert_with(|| point.clone());
             }
@@ -357,8 +428,10 @@ impl Bench {
             })?;
             found(Found {
                 name,
+                shaped: law.shaped,
                 tuning,
-                criterion: criterion * self.period,
+                point,
+                criterion,
                 make,
             });
         }
@@ -402,7 +475,7 @@ impl Bench {
                 close_loop(law, control.as_mut(), plant, &self.scenario, time)
             });
             match result {
-                Ok(run) if run.fault.is_none() => tune::criterion(&run),
+                Ok(run) if run.fault.is_none() => tune::criterion(&run, self.moving),
                 _ => lost,
             }
         });
@@ -535,7 +608,7 @@ mod tests {
         let other = in_another_unit(&own, 10.0);
         let rows = [own, other].map(|drive| {
             let design = Design::new(&drive).unwrap();
-            compare(&design, effort, &unwatched).unwrap()
+            compare(&design, effort, &unwatched).unwrap().steps
         });
         let close = |what: &str, own: Option<f64>, other: Option<f64>, within: f64| {
             let same = match (own, other) {

@@ -106,6 +106,7 @@ mod tests {
     fn what_does_not_settle_is_longer_than_all() {
         let none = |case: usize| Outcome {
             case: case.to_string(),
+            tuned_on: false,
             metrics: None,
             failure: None,
         };

@@ -32,6 +32,8 @@ pub(super) struct Tuned<'a> {
     pub(super) space: Space,
     /// Whether it can remove friction, and so is tuned on the plant that has it as well.
     pub(super) removes_friction: bool,
+    /// Whether it goes by a shaped reference of its own.
+    pub(super) shaped: bool,
     /// What has to follow the two variables of PD for the law to be PD itself; none where it never is.
     pub(super) neutral: Option<Vec<f64>>,
     /// The law of a point.
@@ -173,6 +175,7 @@ fn tuned_pd<'a>(
         name,
         space: space(&ends, &starts),
         removes_friction: extra == Extra::Disturbance,
+        shaped: shaper != Shaper::None,
         neutral: Some(neutral.iter().map(|x| x.ln()).collect()),
         form: Box::new(form),
     }
@@ -199,6 +202,7 @@ fn tuned_encoder_filter<'a>(design: &'a Design, scenario: &'a Scenario) -> Tuned
         name: "encoder filter",
         space: space(&[(1e-5, 1.0), (1e-3, 10.0)], &[vec![7e-3, 3e-2]]),
         removes_friction: true,
+        shaped: false,
         neutral: None,
         form: Box::new(form),
     }
@@ -262,6 +266,7 @@ fn tuned_drive<'a>(design: &'a Design, scenario: &'a Scenario) -> Tuned<'a> {
         name: "drive, tuned",
         space: space(&ends, &[start]),
         removes_friction: drive.observer.disturbance,
+        shaped: false,
         neutral: None,
         form: Box::new(form),
     }

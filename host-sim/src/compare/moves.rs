@@ -21,6 +21,7 @@ pub use figures::Figures;
 pub use sets::Set;
 
 use super::laws::{self, Make};
+use super::tune::Moving;
 use super::{Bench, Case, Spread, Tuning, duration, require_comparable};
 use crate::design::Design;
 use crate::drive::Drive;
@@ -207,11 +208,12 @@ pub fn campaign(
         duration: duration(design),
         watched: 0.0,
         evaluations: task.evaluations,
+        moving: Moving::Lasting,
     };
     let told = |left: usize, what: &str| progress(RIVALS.len() - left, count, what);
-    bench.tune_each(rivals, &told, |found| {
+    bench.tune_each(rivals, &[], &told, |found| {
         let name = shown(found.name).map_or(found.name, |rival| rival.1);
-        tunings.push((name, found.tuning, found.criterion));
+        tunings.push((name, found.tuning, found.criterion * period));
         laws.push((name, planned_move, found.make));
     })?;
 
