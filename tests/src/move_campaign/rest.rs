@@ -10,14 +10,15 @@
 //! whether it holds or slides.
 
 use super::log_uniform;
+use arso_core::{Counts, Current, Measurement, Mode, Place, Request};
 use host_sim::chain::controlled_mass;
 use host_sim::design::Design;
 use host_sim::design::assessment::Assessment;
 use host_sim::design::checks::{Check, Verdict};
 use host_sim::drive::{Drive, PlantFile, Weights};
 use host_sim::machine::Load;
-use host_sim::simulate::scenario::{Approach, SCENARIOS, Scenario};
-use host_sim::simulate::{Law, Run, simulate};
+use host_sim::simulate::corridor::{Corridor, Record, corridor};
+use host_sim::simulate::plant::Plant;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -28,6 +29,8 @@ const DISTANCE: f64 = 0.03;
 /// After which the actuator has to be still, and for how long it is then watched, s.
 const STILL_AFTER: f64 = 1.0;
 const WATCHED: f64 = 2.0;
+/// Longest commissioning, s.
+const COMMISSIONING: f64 = 5.0;
 /// Counts between the ends of a motion that is still.
 const STILL: i64 = 2;
 /// By what both cutoffs are lowered at a time where the encoder's rounding is too loud for them, and how often.
@@ -43,7 +46,7 @@ pub struct Ending {
     pub motion: i64,
     /// The farthest it then was from the target, over the tolerance.
     pub off: f64,
-    /// After which the actuator stays within the tolerance, s from the beginning of the move.
+    /// Periods after which the actuator stays within the tolerance, from the beginning of the move on.
     pub actuator_within: Option<f64>,
     /// After which the controlled mass does as well.
     pub both_within: Option<f64>,
@@ -271,29 +274,32 @@ fn ending(number: u64, design: &Design, plant: &PlantFile) -> Result<Ending, Str
     let mut without = (design.clone(), plant.clone());
     without.0.drive.friction.coulomb = 0.0;
     without.1.friction.coulomb = 0.0;
-    let (run, arrival) = moved(number, design, plant)?;
-    let (free, _) = moved(number, &without.0, &without.1)?;
+    let stride = design.plans().map_or(0, |plans| plans.plans().stride);
+    let failed = |why: String| format!("{number}: {why} (plans with steps of {stride} periods)");
+    let run = moved(design, plant).map_err(failed)?;
+    let free = moved(&without.0, &without.1);
+    let free = free.map_err(|why| failed(format!("without friction: {why}")))?;
     let tolerance = design.motion.settling_tolerance;
-    let watched = run.samples.iter();
-    let watched = watched.filter(|sample| sample.time >= arrival + STILL_AFTER);
+    let watched = run.actuator.iter().skip(run.still_after);
     let counts = watched
         .clone()
-        .map(|sample| sample.truth[0] / run.resolution);
+        .map(|error| error / drive.encoder.resolution);
     let (low, high) = counts.fold((f64::MAX, f64::MIN), |(low, high), count| {
         (low.min(count), high.max(count))
     });
-    let off = watched.map(|sample| (sample.truth[0] - DISTANCE).abs() / tolerance);
-    let mass = 2 * controlled_mass(design.loads());
+    let off = watched.map(|error| error.abs() / tolerance);
+    let within = |run: &Motion| {
+        run.within(tolerance)
+            .map(|time| time.map(|periods| periods as f64))
+    };
+    let [actuator_within, both_within] = within(&run);
     Ok(Ending {
         number,
         motion: (high.round() - low.round()) as i64,
         off: off.fold(0.0, f64::max),
-        actuator_within: within(&run, &[0], tolerance),
-        both_within: within(&run, &[0, mass], tolerance),
-        free: [
-            within(&free, &[0], tolerance),
-            within(&free, &[0, mass], tolerance),
-        ],
+        actuator_within,
+        both_within,
+        free: within(&free),
         drive: format!(
             "{} loads of {:.2} times the actuator, mode {:.1} Hz, {:.0} counts a move, friction {:.1} %, {:.0} % of it \
              fed forward",
@@ -307,41 +313,74 @@ fn ending(number: u64, design: &Design, plant: &PlantFile) -> Result<Ending, Str
     })
 }
 
-/// One planned move, and when it arrives.
-fn moved(number: u64, design: &Design, plant: &PlantFile) -> Result<(Run, f64), String> {
-    let scenario = Scenario {
-        approach: Approach::Move,
-        target: DISTANCE,
-        ..SCENARIOS[0]
-    };
-    let told = |error: host_sim::error::Error| format!("{number}: {error}");
-    let period = design.drive.control.sample_time;
-    let arrival = period * design.plans().map_err(told)?.duration(DISTANCE, period);
-    let duration = arrival + STILL_AFTER + WATCHED;
-    let run = simulate(design, plant, &scenario, Law::Core, duration).map_err(told)?;
-    match run.fault {
-        None => Ok((run, arrival)),
-        Some((time, fault)) => {
-            let value = run.samples.last().and_then(|sample| sample.record.as_ref());
-            Err(format!(
-                "{number}: {fault:?} after {time:.3} s with friction of {:.3} {}, value {:?}",
-                plant.friction.coulomb,
-                design.drive.kind.units().force,
-                value.map(|record| record.fault_value),
-            ))
-        }
+/// Distances from the target in each period from the beginning of a move on, m.
+struct Motion {
+    actuator: Vec<f64>,
+    controlled: Vec<f64>,
+    /// Period from which on the actuator has to be still.
+    still_after: usize,
+}
+
+impl Motion {
+    /// Periods after which the actuator, and with it the controlled mass, stays within the tolerance.
+    fn within(&self, tolerance: f64) -> [Option<usize>; 2] {
+        let inside = |error: &f64| error.abs() <= tolerance;
+        let from = |mass: &[f64]| match mass.iter().rposition(|error| !inside(error)) {
+            None => Some(0),
+            Some(last) => Some(last + 1).filter(|first| *first < mass.len()),
+        };
+        let actuator = from(&self.actuator);
+        let controlled = from(&self.controlled);
+        [actuator, actuator.zip(controlled).map(|(a, b)| a.max(b))]
     }
 }
 
-/// After which some elements of the state stay within the tolerance of the target, s.
-fn within(run: &Run, elements: &[usize], tolerance: f64) -> Option<f64> {
-    let inside = |x: f64| (x - DISTANCE).abs() <= tolerance;
-    let last = run.samples.iter().rposition(|sample| {
-        let all = elements
-            .iter()
-            .all(|element| inside(sample.truth[*element]));
-        !all
-    });
-    let from = last.map_or(0, |last| last + 1);
-    run.samples.get(from).map(|sample| sample.time)
+/// Commissions the drive, and makes one planned move from where the machine then stands.
+fn moved(design: &Design, file: &PlantFile) -> Result<Motion, String> {
+    let period = design.drive.control.sample_time;
+    let told = |error: host_sim::error::Error| error.to_string();
+    let mut core = corridor(design, None).map_err(told)?;
+    let mut plant = Plant::new(file, period);
+    let mut current = Current(0.0);
+    let mut step = |core: &mut dyn Corridor, plant: &mut Plant| -> Result<Record, String> {
+        let count = Counts(plant.count());
+        let command = core.step(Measurement { count, current });
+        current = command.current;
+        plant.enable(command.enable);
+        let state = core.record();
+        if let Mode::Fault(fault) | Mode::Stopping(fault) = state.mode {
+            return Err(format!("{fault:?}, value {}", state.fault_value));
+        }
+        plant.advance(current.0.into()).map_err(told)?;
+        Ok(state)
+    };
+    let ask = |core: &mut dyn Corridor, request| {
+        core.request(request).map_err(|refusal| refusal.to_string())
+    };
+    ask(core.as_mut(), Request::Commission)?;
+    let mut patience = (COMMISSIONING / period) as usize;
+    while step(core.as_mut(), &mut plant)?.mode != Mode::Ready {
+        patience = patience.checked_sub(1).ok_or("commissioning did not end")?;
+    }
+    ask(core.as_mut(), Request::SetPosition(Place(0)))?;
+    ask(core.as_mut(), Request::Start)?;
+    let counts = (DISTANCE / design.drive.encoder.resolution).round();
+    ask(core.as_mut(), Request::Move(Place(counts as i64)))?;
+    let target = (plant.place() as f64 + counts) * design.drive.encoder.resolution;
+    let arrival = design.plans().map_err(told)?.duration(DISTANCE, period);
+    let still_after = (arrival + STILL_AFTER / period) as usize;
+    let mass = 2 * controlled_mass(design.loads());
+    let mut motion = Motion {
+        actuator: Vec::new(),
+        controlled: Vec::new(),
+        still_after,
+    };
+    for k in 0..still_after + (WATCHED / period) as usize {
+        motion.actuator.push(plant.state()[0] - target);
+        motion.controlled.push(plant.state()[mass] - target);
+        let time = k as f64 * period;
+        step(core.as_mut(), &mut plant)
+            .map_err(|why| format!("{why}, {time:.3} s after the beginning of the move"))?;
+    }
+    Ok(motion)
 }
