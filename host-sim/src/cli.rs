@@ -12,6 +12,7 @@ mod design;
 mod drive_argument;
 mod excite;
 mod identify;
+mod moves;
 mod paper;
 mod progress;
 mod shell;
@@ -46,6 +47,7 @@ enum Command {
     Capture(capture::CaptureCommand),
     Compare(compare::CompareCommand),
     Identify(identify::IdentifyCommand),
+    Moves(moves::MovesCommand),
     Excite(excite::ExciteCommand),
     Paper(paper::PaperCommand),
     Simulate(simulate::Simulate),
@@ -88,6 +90,7 @@ impl Cli {
             Some(Command::Capture(command)) => command.run(quiet),
             Some(Command::Compare(command)) => command.run(quiet),
             Some(Command::Identify(command)) => command.run(quiet),
+            Some(Command::Moves(command)) => command.run(quiet),
             Some(Command::Excite(command)) => command.run(quiet),
             Some(Command::Paper(command)) => command.run(quiet),
             Some(Command::Simulate(command)) => command.run(quiet),

@@ -1,6 +1,7 @@
 //! The drive beside its rivals, on the same plants in the same run.
 //!
-//! A step under: the drive as designed, and its gain on the true state; the drive with weights that are
+//! Two ways of going: the raw step, and the planned move (`guide`), over the same distance on the same plants.
+//! Under them: the drive as designed, and its gain on the true state; the drive with weights that are
 //! tuned here, a Kalman filter of the encoder alone with the drive's gain, and collocated PD, alone, with
 //! a notch, with a disturbance observer, and on references shaped by ZV, ZVD, EI and MZV.
 //!
@@ -16,11 +17,14 @@
 
 mod bounds;
 mod encoder_observer;
+mod guide;
 mod held_out;
 mod laws;
+pub mod moves;
 mod notch;
 mod pd;
 mod shaper;
+mod spread;
 mod tune;
 
 pub use bounds::bounds;
@@ -29,18 +33,20 @@ pub use held_out::HeldOut;
 pub use notch::Settings as NotchSettings;
 pub use pd::{DisturbanceSettings, ReferenceSettings, Settings as PdSettings};
 pub use shaper::Shaper;
+pub use spread::Spread;
 
 use crate::design::Design;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::output::Progress;
 use crate::simulate::metrics::Metrics;
-use crate::simulate::scenario::{SCENARIOS, Scenario};
+use crate::simulate::scenario::{Approach, SCENARIOS, Scenario};
 use crate::simulate::watch::judged;
 use crate::simulate::{Law, close_loop};
 use laws::{Make, Tuned};
 use rayon::prelude::*;
 use serde::Serialize;
+use tune::Moving;
 
 /// One plant of the comparison.
 #[derive(Clone, Debug)]
@@ -60,10 +66,22 @@ pub struct Case {
 pub struct Outcome {
     /// Which plant.
     pub case: String,
+    /// Whether every law that is tuned is tuned on it.
+    pub tuned_on: bool,
     /// The figures; none when the run could not be made.
     pub metrics: Option<Metrics>,
     /// Why it could not.
     pub failure: Option<String>,
+}
+
+/// All laws, by both ways of going.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// By a raw step.
+    pub steps: Vec<Row>,
+    /// By planned moves: on the same plan with the same friction fed forward, and behind input shapers on ramps of
+    /// their own.
+    pub moves: Vec<Row>,
 }
 
 /// A law on all plants.
@@ -120,7 +138,7 @@ pub struct Effort {
 impl Default for Effort {
     fn default() -> Self {
         Self {
-            evaluations: 2000,
+            evaluations: 1200,
             plants: 50,
         }
     }
@@ -225,45 +243,55 @@ pub fn require_comparable(design: &Design) -> Result<()> {
     Ok(())
 }
 
-/// All laws on all plants.
+/// All laws on all plants. Laws behind input shapers are tuned once, for the step; all others for either way.
 ///
 /// * `progress`: told of each law as its turn comes, and how far its tuning is
 ///
 /// # Errors
-/// [`Error::Comparison`] when the runs are too long, or no law can be formed in the whole box of a rival.
-pub fn compare(design: &Design, effort: Effort, progress: &Progress<'_>) -> Result<Vec<Row>> {
+/// [`Error::Design`] when there are no planned moves, [`Error::Comparison`] when the runs are too long, or no law can
+/// be formed in the whole box of a rival.
+pub fn compare(design: &Design, effort: Effort, progress: &Progress<'_>) -> Result<Comparison> {
     require_comparable(design)?;
-    let bench = Bench::new(design, effort);
-    let (designed, tuned) = (laws::designed(design), laws::tuned(design));
-    let count = designed.len() + tuned.len();
-    let mut rows = Vec::with_capacity(count);
-    for (law, make) in designed {
-        progress(rows.len(), count, law);
-        rows.push(bench.row(law, Tuning::Design, None, &make));
-    }
-    let mut plain: Option<Vec<f64>> = None;
-    for mut law in tuned {
-        let name = law.name;
-        if let (Some(plain), Some(neutral)) = (&plain, &law.neutral) {
-            law.space.starts.push([&plain[..], neutral].concat());
-        }
-        let (point, criterion) = bench.tune(&law, &|made, of| {
-            progress(rows.len(), count, &format!("{name}, {made} of {of}"));
-        });
-        if law.neutral.is_some() {
-            plain.get_or_insert_with(|| point.clone());
-        }
-        let (tuning, make) = (law.form)(&point).map_err(|error| {
-            Error::Comparison(format!("{name} cannot be formed for this drive: {error}"))
-        })?;
-        let criterion = criterion * design.drive.control.sample_time;
-        rows.push(bench.row(name, tuning, Some(criterion), &make));
-    }
-    Ok(rows)
+    let planned = Scenario {
+        approach: Approach::Move,
+        ..*scenario()
+    };
+    let mut bench = Bench::new(design, effort);
+    let mut shaped = Vec::new();
+    let half = laws::tuned(design, scenario()).len() + laws::designed(design, scenario()).len();
+    let steps = bench.rows(
+        design,
+        scenario(),
+        &|done, what| progress(done, 2 * half, what),
+        &mut shaped,
+    )?;
+    bench.go_by(design, &planned);
+    let moves = bench.rows(
+        design,
+        &planned,
+        &|done, what| progress(half + done, 2 * half, &format!("planned move, {what}")),
+        &mut shaped,
+    )?;
+    Ok(Comparison { steps, moves })
+}
+
+/// What a law was tuned to before: its name, the point and its criterion in control periods.
+type Known = (&'static str, Vec<f64>, f64);
+
+/// A law that has been tuned.
+struct Found<'a> {
+    name: &'static str,
+    shaped: bool,
+    tuning: Tuning,
+    /// The same as a point of its box, and the criterion there, control periods.
+    point: Vec<f64>,
+    criterion: f64,
+    make: Make<'a>,
 }
 
 /// The plants, and how long a run takes on them.
 struct Bench {
+    scenario: Scenario,
     cases: Vec<Case>,
     drawn: Vec<Case>,
     /// s.
@@ -272,19 +300,63 @@ struct Bench {
     duration: f64,
     watched: f64,
     evaluations: usize,
+    /// What a law that is tuned is punished for at the end of a run.
+    moving: Moving,
 }
 
 impl Bench {
     fn new(design: &Design, effort: Effort) -> Self {
         let duration = duration(design);
         Self {
+            scenario: *scenario(),
             cases: cases(design),
             drawn: held_out::cases(design, coulomb(design), effort.plants),
             period: design.drive.control.sample_time,
             duration,
             watched: (1.0 + WATCHED) * duration,
             evaluations: evaluations(design, effort),
+            moving: Moving::Any,
         }
+    }
+
+    /// From now on by planned moves, on plants with the friction that the drive feeds forward.
+    fn go_by(&mut self, design: &Design, scenario: &Scenario) {
+        self.scenario = *scenario;
+        self.moving = Moving::Lasting;
+        for case in &mut self.cases {
+            let friction = &mut case.plant.friction.coulomb;
+            *friction = friction.max(design.drive.friction.coulomb);
+        }
+    }
+
+    /// All laws on all plants.
+    ///
+    /// * `progress`: told how many are done, and what is done just now
+    /// * `shaped`: what those behind input shapers were tuned to, if they were, and afterwards are
+    fn rows(
+        &self,
+        design: &Design,
+        scenario: &Scenario,
+        progress: &dyn Fn(usize, &str),
+        shaped: &mut Vec<Known>,
+    ) -> Result<Vec<Row>> {
+        let mut rows = Vec::new();
+        for (law, make) in laws::designed(design, scenario) {
+            progress(rows.len(), law);
+            rows.push(self.row(law, Tuning::Design, None, &make));
+        }
+        let tuned = laws::tuned(design, scenario);
+        let count = rows.len() + tuned.len();
+        let told = |left: usize, what: &str| progress(count - left, what);
+        let known = shaped.clone();
+        self.tune_each(tuned, &known, &told, |found| {
+            let criterion = found.criterion * self.period;
+            rows.push(self.row(found.name, found.tuning, Some(criterion), &found.make));
+            if found.shaped {
+                shaped.push((found.name, found.point, found.criterion));
+            }
+        })?;
+        Ok(rows)
     }
 
     /// A law's figures on one plant.
@@ -293,11 +365,18 @@ impl Bench {
         let result = make(case).and_then(|mut control| {
             let plant = (&case.plant, case.late);
             let time = (self.period, self.watched);
-            let run = close_loop(Law::Rival(law), control.as_mut(), plant, scenario(), time)?;
+            let run = close_loop(
+                Law::Rival(law),
+                control.as_mut(),
+                plant,
+                &self.scenario,
+                time,
+            )?;
             Ok(judged(run, periods).1)
         });
         Outcome {
             case: case.name.clone(),
+            tuned_on: case.tuned,
             failure: result.as_ref().err().map(ToString::to_string),
             metrics: result.ok(),
         }
@@ -310,6 +389,53 @@ impl Bench {
         let of = self.evaluations;
         let cost = |point: &[f64]| self.worst(law, point);
         tune::search(&law.space, of, &cost, &|made| progress(made, of))
+    }
+
+    /// Tunes laws one after the other; those that can be PD itself also start from what plain PD has come to.
+    ///
+    /// * `known`: what some of them have been tuned to before
+    /// * `progress`: told how many laws are left, and what is done just now
+    /// * `found`: gets each law
+    ///
+    /// # Errors
+    /// [`Error::Comparison`] when a law cannot be formed in its whole box.
+    fn tune_each<'a>(
+        &self,
+        laws: Vec<Tuned<'a>>,
+        known: &[Known],
+        progress: &dyn Fn(usize, &str),
+        mut found: impl FnMut(Found<'a>),
+    ) -> Result<()> {
+        let mut plain: Option<Vec<f64>> = None;
+        let count = laws.len();
+        for (done, mut law) in laws.into_iter().enumerate() {
+            let name = law.name;
+            if let (Some(plain), Some(neutral)) = (&plain, &law.neutral) {
+                law.space.starts.push([&plain[..], neutral].concat());
+            }
+            let before = known.iter().find(|(known, ..)| *known == name);
+            let (point, criterion) = match before {
+                Some((_, point, criterion)) => (point.clone(), *criterion),
+                None => self.tune(&law, &|made, of| {
+                    progress(count - done, &format!("{name}, {made} of {of}"));
+                }),
+            };
+            if law.neutral.is_some() {
+                plain.get_or_insert_with(|| point.clone());
+            }
+            let (tuning, make) = (law.form)(&point).map_err(|error| {
+                Error::Comparison(format!("{name} cannot be formed for this drive: {error}"))
+            })?;
+            found(Found {
+                name,
+                shaped: law.shaped,
+                tuning,
+                point,
+                criterion,
+                make,
+            });
+        }
+        Ok(())
     }
 
     fn row(
@@ -346,10 +472,10 @@ impl Bench {
             let result = make(case).and_then(|mut control| {
                 let (law, plant) = (Law::Rival(law.name), (&case.plant, case.late));
                 let time = (self.period, self.duration);
-                close_loop(law, control.as_mut(), plant, scenario(), time)
+                close_loop(law, control.as_mut(), plant, &self.scenario, time)
             });
             match result {
-                Ok(run) if run.fault.is_none() => tune::criterion(&run),
+                Ok(run) if run.fault.is_none() => tune::criterion(&run, self.moving),
                 _ => lost,
             }
         });
@@ -406,10 +532,10 @@ mod tests {
         };
         let bench = Bench::new(&design, effort);
         let mut rows = Vec::new();
-        for (law, make) in laws::designed(&design) {
+        for (law, make) in laws::designed(&design, scenario()) {
             rows.push(bench.row(law, Tuning::Design, None, &make));
         }
-        for law in laws::tuned(&design) {
+        for law in laws::tuned(&design, scenario()) {
             if ["PD", "PD + notch"].contains(&law.name) {
                 let (point, criterion) = bench.tune(&law, &|_, _| ());
                 let (tuning, make) = (law.form)(&point).unwrap();
@@ -482,7 +608,7 @@ mod tests {
         let other = in_another_unit(&own, 10.0);
         let rows = [own, other].map(|drive| {
             let design = Design::new(&drive).unwrap();
-            compare(&design, effort, &unwatched).unwrap()
+            compare(&design, effort, &unwatched).unwrap().steps
         });
         let close = |what: &str, own: Option<f64>, other: Option<f64>, within: f64| {
             let same = match (own, other) {

@@ -257,6 +257,14 @@ fn rivals_are_compared_on_the_same_plants() {
     assert_eq!(cases(&laws[0]).len(), 9);
     assert!(laws.iter().all(|law| cases(law) == cases(&laws[0])));
     assert!(laws.iter().all(|law| law["held_out"]["plants"] == 2));
+    // By planned moves the same laws on the same plants; PD behind a shaper goes as it went.
+    let moves = value["moves"].as_array().unwrap();
+    for (by_move, by_step) in moves.iter().zip(laws) {
+        assert_eq!(by_move["law"], by_step["law"]);
+        assert_eq!(cases(by_move), cases(by_step));
+    }
+    assert_eq!(moves.len(), laws.len());
+    assert_eq!(moves[8]["tuning"], laws[8]["tuning"]);
     // The same experiment as the main job's.
     let arguments = ["simulate", "drive.toml", "--scenario", "fig3", "--out", "."];
     let main = json(at, DRIVE, &arguments);

@@ -5,6 +5,7 @@
 pub mod campaign;
 pub mod drives;
 pub mod false_alarms;
+pub mod move_campaign;
 pub mod reference;
 #[cfg(feature = "virtual-board")]
 pub mod virtual_board;

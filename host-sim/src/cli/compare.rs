@@ -19,7 +19,8 @@ use std::path::PathBuf;
 /// on the encoder; and the drive's own law with other weights. Those that can remove friction are tuned on
 /// the plant with friction as well. The drive itself is taken as designed, and once more as the same gain on
 /// the true state. Every settling time stands beside the bound of its plant: the least time any control can
-/// take. A second table shows all of them on plants drawn at random, without bounds.
+/// take. A second table shows all of them on plants drawn at random, without bounds; a third all of them by planned
+/// moves, on the drive's own plan and with its friction fed forward.
 #[derive(Debug, Args)]
 pub(super) struct CompareCommand {
     #[command(flatten)]
@@ -50,18 +51,18 @@ impl CompareCommand {
             evaluations: self.evaluations as usize,
             plants: self.plants as usize,
         };
-        let rows = compare(&design, effort, &|done, of, what| {
+        let found = compare(&design, effort, &|done, of, what| {
             progress.step(done, of, what);
         })?;
         let bounds = bounds(&design);
         drop(progress);
         if let Some(path) = &self.plot {
-            write_file(path, comparison::plot(&design, &rows)?.as_bytes())?;
+            write_file(path, comparison::plot(&design, &found.steps)?.as_bytes())?;
         }
         if self.json {
             return print(&format!(
                 "{:#}\n",
-                comparison::json(&design, &rows, &bounds)
+                comparison::json(&design, &found, &bounds)
             ));
         }
         if quiet {
@@ -70,7 +71,7 @@ impl CompareCommand {
         let mut text = format!(
             "drive: {}\n{}",
             self.drive.shown(),
-            comparison::text(&design, &rows, &bounds, effort)
+            comparison::text(&design, &found, &bounds, effort)
         );
         if let Some(path) = &self.plot {
             text += &format!("plot written to {}\n", path.display());

@@ -2,8 +2,9 @@
 //! observer that is driven by the reaction force.
 //!
 //! States `x_a v_a x_1 v_1 … d` of the free chain, input the applied current, output `x_a`; the same
-//! gain `K` and the same compensation of `d` as in the drive. In `f64`, on the PC alone.
+//! gain `K`, the same compensation of `d` and the same reference as in the drive. In `f64`, on the PC alone.
 
+use super::guide::Guide;
 use crate::design::Design;
 use crate::design::observer::kalman;
 use crate::error::{Error, Result};
@@ -24,21 +25,23 @@ pub struct Settings {
 }
 
 /// The law.
-pub(crate) struct EncoderObserver {
+pub(crate) struct EncoderObserver<'d> {
     transition: DMatrix<f64>,
     input: DVector<f64>,
     correction: DVector<f64>,
     state: DVector<f64>,
     feedback: RowDVector<f64>,
-    target: f64,
+    guide: Guide<'d>,
+    /// Of the current that is applied now, what friction was given, A.
+    friction: f64,
     limits: Limits,
     encoder: (Encoder, encoder::Memory),
 }
 
-impl EncoderObserver {
+impl<'d> EncoderObserver<'d> {
     /// # Errors
     /// [`Error::Design`] when the filter's Riccati equation has no solution.
-    pub(crate) fn new(design: &Design, settings: Settings, target: f64) -> Result<Self> {
+    pub(super) fn new(design: &Design, settings: Settings, guide: Guide<'d>) -> Result<Self> {
         let (chain, drive) = (&design.chain, &design.drive);
         let n = chain.states();
         let period = drive.control.sample_time;
@@ -68,25 +71,27 @@ impl EncoderObserver {
             correction,
             state: DVector::zeros(n + 1),
             feedback,
-            target,
+            guide,
+            friction: 0.0,
             limits: design.limits(),
             encoder: (design.encoder(), encoder::Memory::default()),
         })
     }
 }
 
-impl Control for EncoderObserver {
+impl Control for EncoderObserver<'_> {
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let reading = self.encoder.0.step(&mut self.encoder.1, Counts(count));
         let position = self.encoder.0.position(reading.place);
-        let predicted = &self.transition * &self.state + &self.input * applied;
+        let predicted = &self.transition * &self.state + &self.input * (applied - self.friction);
         let innovation = f64::from(position.0) - predicted[0];
         self.state = predicted + &self.correction * innovation;
+        let led = self.guide.step()?;
         let mut error = self.state.clone();
-        for position in error.iter_mut().step_by(2).take(self.state.len() / 2) {
-            *position -= self.target;
-        }
-        let command = (&self.feedback * error).x;
+        let mut of_chain = error.rows_mut(0, led.state.len());
+        of_chain -= &led.state;
+        self.friction = led.friction;
+        let command = (&self.feedback * error).x + led.feed_forward + led.friction;
         let limited = self
             .limits
             .step(Current(command as f32))
@@ -95,7 +100,7 @@ impl Control for EncoderObserver {
             current: limited.current.0.into(),
             enable: true,
             limited: limited.limited,
-            reference: self.target,
+            reference: led.state[0],
             record: None,
         })
     }

@@ -7,7 +7,7 @@
 //! stiffness ±30 %   last load 0 … +50 %   force constant ±10 %   Coulomb friction 0 … that of the friction case
 //! ```
 
-use super::{Case, Outcome};
+use super::{Case, Outcome, Spread};
 use crate::design::Design;
 use crate::drive::PlantFile;
 use rand::RngExt;
@@ -38,20 +38,18 @@ impl HeldOut {
             let metrics = outcome.metrics.as_ref().filter(|m| m.fault.is_none());
             metrics.and_then(|metrics| metrics.settling_time)
         });
-        let mut times: Vec<f64> = settled.map(|time| time.unwrap_or(f64::INFINITY)).collect();
-        times.sort_by(f64::total_cmp);
-        // The smallest time that the share keeps.
-        let quantile = |share: f64| {
-            let rank = (share * times.len() as f64).ceil() as usize;
-            let time = times.get(rank.saturating_sub(1)).copied();
-            time.filter(|time| time.is_finite())
-        };
+        let times: Vec<Option<f64>> = settled.collect();
+        let Spread {
+            median,
+            most,
+            worst,
+        } = Spread::of(&times);
         Self {
             plants: times.len(),
-            not_settled: times.iter().filter(|time| time.is_infinite()).count(),
-            median: quantile(0.5),
-            most: quantile(0.95),
-            worst: quantile(1.0),
+            not_settled: times.iter().filter(|time| time.is_none()).count(),
+            median,
+            most,
+            worst,
         }
     }
 }
@@ -108,6 +106,7 @@ mod tests {
     fn what_does_not_settle_is_longer_than_all() {
         let none = |case: usize| Outcome {
             case: case.to_string(),
+            tuned_on: false,
             metrics: None,
             failure: None,
         };

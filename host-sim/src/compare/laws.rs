@@ -6,16 +6,17 @@
 //! `R (ω_1² M / k_f)²`, and velocity weights to that over `ω_1²`.
 
 use super::encoder_observer::EncoderObserver;
+use super::guide::Guide;
 use super::pd::{DisturbanceSettings, Pd};
 use super::shaper::Shaper;
 use super::tune::Space;
 use super::{
     Case, EncoderSettings, NotchSettings, PdSettings, ReferenceSettings, Tuning, WeightSettings,
-    scenario,
 };
 use crate::design::Design;
 use crate::drive::{ObserverMethod, Weights};
 use crate::error::Result;
+use crate::simulate::scenario::Scenario;
 use crate::simulate::{Control, Core, FullState};
 use std::f64::consts::TAU;
 
@@ -31,6 +32,8 @@ pub(super) struct Tuned<'a> {
     pub(super) space: Space,
     /// Whether it can remove friction, and so is tuned on the plant that has it as well.
     pub(super) removes_friction: bool,
+    /// Whether it goes by a shaped reference of its own.
+    pub(super) shaped: bool,
     /// What has to follow the two variables of PD for the law to be PD itself; none where it never is.
     pub(super) neutral: Option<Vec<f64>>,
     /// The law of a point.
@@ -38,25 +41,28 @@ pub(super) struct Tuned<'a> {
 }
 
 /// The laws that are taken as they are designed.
-pub(super) fn designed(design: &Design) -> [(&'static str, Make<'_>); 2] {
+pub(super) fn designed<'a>(
+    design: &'a Design,
+    scenario: &'a Scenario,
+) -> [(&'static str, Make<'a>); 2] {
     [
         (
             "full state",
-            Box::new(|_| Ok(Box::new(FullState::new(design, scenario())?))),
+            Box::new(|_| Ok(Box::new(FullState::new(design, scenario)?))),
         ),
         (
             "drive",
-            Box::new(|case| Ok(Box::new(Core::new(design, &case.plant, scenario())?))),
+            Box::new(|case| Ok(Box::new(Core::new(design, &case.plant, scenario)?))),
         ),
     ]
 }
 
 /// The laws that are tuned.
-pub(super) fn tuned(design: &Design) -> Vec<Tuned<'_>> {
-    let pd = |name, shaper, extra| tuned_pd(design, name, shaper, extra);
+pub(super) fn tuned<'a>(design: &'a Design, scenario: &'a Scenario) -> Vec<Tuned<'a>> {
+    let pd = |name, shaper, extra| tuned_pd(design, scenario, name, shaper, extra);
     vec![
-        tuned_drive(design),
-        tuned_encoder_filter(design),
+        tuned_drive(design, scenario),
+        tuned_encoder_filter(design, scenario),
         // The first of its kind: the others also start from what it finds.
         pd("PD", Shaper::None, Extra::None),
         pd("PD + notch", Shaper::None, Extra::Notch),
@@ -95,7 +101,13 @@ enum Extra {
 
 /// Bandwidth and damping of a rigid drive; with a shaper, duration of the ramps and the shaper's frequency and
 /// damping; with a notch its centre, depth and width; with a disturbance observer its cutoff and mass.
-fn tuned_pd<'a>(design: &'a Design, name: &'static str, shaper: Shaper, extra: Extra) -> Tuned<'a> {
+fn tuned_pd<'a>(
+    design: &'a Design,
+    scenario: &'a Scenario,
+    name: &'static str,
+    shaper: Shaper,
+    extra: Extra,
+) -> Tuned<'a> {
     let omega = slowest(design);
     let mut ends = vec![(0.05, 10.0), (0.1, 3.0)];
     // Slow and damped; with a shaper also a stiff motor, whose load then vibrates as if it were held.
@@ -150,12 +162,12 @@ fn tuned_pd<'a>(design: &'a Design, name: &'static str, shaper: Shaper, extra: E
             }
         }
         let make: Make<'a> = Box::new(move |_: &Case| {
-            Ok(Box::new(Pd::new(
-                design,
-                settings,
-                shaper,
-                scenario().target,
-            )))
+            let guide = if shaper == Shaper::None {
+                Guide::of(design, scenario)?
+            } else {
+                Guide::shaped(design, settings.reference, shaper, scenario)
+            };
+            Ok(Box::new(Pd::new(design, settings, guide)))
         });
         Ok((Tuning::Pd(settings), make))
     };
@@ -163,6 +175,7 @@ fn tuned_pd<'a>(design: &'a Design, name: &'static str, shaper: Shaper, extra: E
         name,
         space: space(&ends, &starts),
         removes_friction: extra == Extra::Disturbance,
+        shaped: shaper != Shaper::None,
         neutral: Some(neutral.iter().map(|x| x.ln()).collect()),
         form: Box::new(form),
     }
@@ -170,7 +183,7 @@ fn tuned_pd<'a>(design: &'a Design, name: &'static str, shaper: Shaper, extra: E
 
 /// Density of the random force on each load, over `F √T_1`, and of the disturbance's random walk, over
 /// `F / √T_1`.
-fn tuned_encoder_filter(design: &Design) -> Tuned<'_> {
+fn tuned_encoder_filter<'a>(design: &'a Design, scenario: &'a Scenario) -> Tuned<'a> {
     let force = design.drive.actuator.largest_force();
     let period = TAU / slowest(design);
     let form = move |point: &[f64]| {
@@ -178,8 +191,9 @@ fn tuned_encoder_filter(design: &Design) -> Tuned<'_> {
             load_force: force * period.sqrt() * point[0].exp(),
             disturbance: force / period.sqrt() * point[1].exp(),
         };
-        let make: Make<'_> = Box::new(move |_: &Case| {
-            let law = EncoderObserver::new(design, settings, scenario().target)?;
+        let make: Make<'a> = Box::new(move |_: &Case| {
+            let guide = Guide::of(design, scenario)?;
+            let law = EncoderObserver::new(design, settings, guide)?;
             Ok(Box::new(law))
         });
         Ok((Tuning::Encoder(settings), make))
@@ -188,6 +202,7 @@ fn tuned_encoder_filter(design: &Design) -> Tuned<'_> {
         name: "encoder filter",
         space: space(&[(1e-5, 1.0), (1e-3, 10.0)], &[vec![7e-3, 3e-2]]),
         removes_friction: true,
+        shaped: false,
         neutral: None,
         form: Box::new(form),
     }
@@ -197,7 +212,7 @@ fn tuned_encoder_filter(design: &Design) -> Tuned<'_> {
 const WEIGHTS: (f64, f64) = (5e-5, 150.0);
 
 /// The drive's own law: two weights for each mass, and the two densities of its observer.
-fn tuned_drive(design: &Design) -> Tuned<'_> {
+fn tuned_drive<'a>(design: &'a Design, scenario: &'a Scenario) -> Tuned<'a> {
     let omega = slowest(design);
     let drive = &design.drive;
     let (current, masses) = (design.index.current, design.loads() + 1);
@@ -241,8 +256,8 @@ fn tuned_drive(design: &Design) -> Tuned<'_> {
         let tuned = Design::new(&drive)?;
         // Plans do not depend on the weights.
         let plans = design.plans()?;
-        let make: Make<'_> = Box::new(move |case: &Case| {
-            let core = Core::with_plans(&tuned, plans, &case.plant, scenario())?;
+        let make: Make<'a> = Box::new(move |case: &Case| {
+            let core = Core::with_plans(&tuned, plans, &case.plant, scenario)?;
             Ok(Box::new(core))
         });
         Ok((Tuning::Weights(settings), make))
@@ -251,6 +266,7 @@ fn tuned_drive(design: &Design) -> Tuned<'_> {
         name: "drive, tuned",
         space: space(&ends, &[start]),
         removes_friction: drive.observer.disturbance,
+        shaped: false,
         neutral: None,
         form: Box::new(form),
     }

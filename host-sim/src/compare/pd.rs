@@ -1,16 +1,16 @@
 //! Collocated PD on the encoder: what a drive without a load model does, with what such drives add to it.
 //!
 //! ```text
-//! i = N (k_p (r − x_a) + k_d (dr/dt − v_a)) + d_hat / k_f
+//! i = i_ff + N (k_p (r − x_a) + k_d (dr/dt − v_a)) + d_hat / k_f
 //! ```
 //!
-//! The velocity goes through the drive's own filter and the command through its limiter. The
-//! reference is a step drawn out into a ramp, one after the other for each part of the shaper. `N` is a
+//! The velocity goes through the drive's own filter and the command through its limiter. Reference and
+//! feed-forward come from a [`Guide`]: a shaped step, or the planned move of the drive. `N` is a
 //! notch and `d_hat` the disturbance of eq. (19) with a mass and a cutoff of its own; each is one where it is
 //! used, and otherwise there is none.
 
+use super::guide::Guide;
 use super::notch::{self, Notch};
-use super::shaper::Shaper;
 use crate::design::Design;
 use crate::error::{Error, Result};
 use crate::simulate::{Control, ControlOutput};
@@ -79,14 +79,9 @@ impl Settings {
 }
 
 /// The law.
-pub(crate) struct Pd {
+pub(crate) struct Pd<'d> {
     settings: Settings,
-    /// Share and start of each part of the reference, and the duration of its ramp, in control periods, in which
-    /// a ramp of one period is exactly that.
-    parts: Vec<(f64, f64)>,
-    ramp: f64,
-    target: f64,
-    period: f64,
+    guide: Guide<'d>,
     limits: Limits,
     encoder: (Encoder, encoder::Memory),
     filter: (DisturbanceObserver, disturbance::Memory),
@@ -94,11 +89,12 @@ pub(crate) struct Pd {
     disturbance: Option<(DisturbanceObserver, disturbance::Memory)>,
     /// N/A.
     force_constant: f64,
-    samples: u32,
+    /// Of the current that is applied now, what was fed forward, A.
+    fed: f64,
 }
 
-impl Pd {
-    pub(crate) fn new(design: &Design, settings: Settings, shaper: Shaper, target: f64) -> Self {
+impl<'d> Pd<'d> {
+    pub(super) fn new(design: &Design, settings: Settings, guide: Guide<'d>) -> Self {
         let control = &design.drive.control;
         let observer = |actuator: &Actuator, cutoff: f64| {
             let period = control.sample_time as f32;
@@ -107,16 +103,8 @@ impl Pd {
         };
         let actuator = design.actuator();
         Self {
-            parts: settings.reference.map_or_else(
-                || vec![(1.0, 0.0)],
-                |shaped| shaper.parts(shaped.frequency * control.sample_time, shaped.damping),
-            ),
-            ramp: settings
-                .reference
-                .map_or(1.0, |shaped| (shaped.ramp / control.sample_time).max(1.0)),
             settings,
-            target,
-            period: control.sample_time,
+            guide,
             limits: design.limits(),
             encoder: (design.encoder(), encoder::Memory::default()),
             filter: observer(&actuator, control.disturbance_cutoff),
@@ -128,55 +116,41 @@ impl Pd {
                 observer(&Actuator { mass, ..actuator }, disturbance.cutoff)
             }),
             force_constant: design.chain.force_constant,
-            samples: 0,
+            fed: 0.0,
         }
-    }
-
-    /// Reference and its velocity, m and m/s, after so many control periods.
-    fn reference(&self, periods: f64) -> (f64, f64) {
-        let (mut position, mut velocity) = (0.0, 0.0);
-        for (share, start) in &self.parts {
-            let part = share * self.target;
-            let done = ((periods - start) / self.ramp).clamp(0.0, 1.0);
-            position += part * done;
-            if done > 0.0 && done < 1.0 {
-                velocity += part / (self.ramp * self.period);
-            }
-        }
-        (position, velocity)
     }
 }
 
-impl Control for Pd {
+impl Control for Pd<'_> {
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let reading = self.encoder.0.step(&mut self.encoder.1, Counts(count));
-        let current = Current(applied as f32);
+        let led = self.guide.step()?;
+        let displacement = reading.displacement - led.displacement as f32;
+        let current = Current((applied - self.fed) as f32);
         let seen = self
             .filter
             .0
-            .step(&mut self.filter.1, reading.displacement, current);
-        // The first sample already sees the first part of the ramp, as a step is seen.
-        self.samples += 1;
-        let (position, velocity) = self.reference(f64::from(self.samples));
+            .step(&mut self.filter.1, displacement, current);
         let measured = self.encoder.0.position(reading.place);
-        let mut command = self.settings.position_gain * (position - f64::from(measured.0))
-            + self.settings.velocity_gain * (velocity - f64::from(seen.velocity.0));
+        let mut command = self.settings.position_gain * (led.state[0] - f64::from(measured.0))
+            + self.settings.velocity_gain * (led.velocity - f64::from(seen.velocity.0));
         if let Some(notch) = &mut self.notch {
             command = notch.step(command);
         }
         if let Some((observer, memory)) = &mut self.disturbance {
-            let seen = observer.step(memory, reading.displacement, current);
+            let seen = observer.step(memory, displacement, current);
             command += f64::from(seen.force.0) / self.force_constant;
         }
+        self.fed = led.feed_forward + led.friction;
         let limited = self
             .limits
-            .step(Current(command as f32))
+            .step(Current((command + self.fed) as f32))
             .ok_or_else(|| Error::Simulation("the PD law is no longer finite".into()))?;
         Ok(ControlOutput {
             current: limited.current.0.into(),
             enable: true,
             limited: limited.limited,
-            reference: position,
+            reference: led.state[0],
             record: None,
         })
     }

@@ -17,7 +17,7 @@
 //! are in control periods: nothing here knows a second.
 
 use crate::simulate::Run;
-use crate::simulate::ending::Ending;
+use crate::simulate::ending::{Ending, Motion};
 use crate::simulate::metrics::{controlled, settled_after};
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use rand::{RngExt, SeedableRng};
@@ -46,14 +46,27 @@ pub(super) struct Space {
     pub(super) starts: Vec<Vec<f64>>,
 }
 
+/// What counts as moving at the end of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Moving {
+    /// Whatever is not at rest.
+    Any,
+    /// What goes on and gets nowhere: where friction holds the actuator, a load that rings only takes its time.
+    Lasting,
+}
+
 /// Criterion of one run, in control periods.
-pub(super) fn criterion(run: &Run) -> f64 {
+pub(super) fn criterion(run: &Run, moving: Moving) -> f64 {
     let length = run.samples.len() as f64;
     let times = BANDS.iter().map(|band| settled_after(run, *band));
     let off = |distance: f64| length * (2.0 + distance.min(1.0));
     let sum: f64 = times.map(|time| time.unwrap_or_else(off)).sum();
     let end = Ending::new(run, controlled(run));
-    let left = (end.largest() / end.tolerance).max(1.0).ln();
+    let left = if moving == Moving::Any || end.state == Motion::Hunting {
+        (end.largest() / end.tolerance).max(1.0).ln()
+    } else {
+        0.0
+    };
     sum / BANDS.len() as f64 + 0.1 * length * left
 }
 

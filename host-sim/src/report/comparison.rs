@@ -4,7 +4,7 @@ use super::bound::{failures, ratio};
 use super::plot::{Panel, Series, panels};
 use super::settled::settled;
 use crate::chain::controlled_mass;
-use crate::compare::{Effort, Outcome, Row, Tuning, duration, evaluations};
+use crate::compare::{Comparison, Effort, Outcome, Row, Tuning, duration, evaluations};
 use crate::design::Design;
 use crate::error::Result;
 use crate::machine::Units;
@@ -17,7 +17,31 @@ use serde_json::json;
 ///
 /// * `bounds`: of each plant
 #[must_use]
-pub fn json(design: &Design, rows: &[Row], bounds: &[Bound]) -> serde_json::Value {
+pub fn json(design: &Design, found: &Comparison, bounds: &[Bound]) -> serde_json::Value {
+    let cases = found
+        .steps
+        .first()
+        .into_iter()
+        .flat_map(|row| &row.outcomes);
+    let least: Vec<_> = cases
+        .zip(bounds)
+        .map(|(outcome, bound)| {
+            json!({
+                "case": outcome.case,
+                "bound": bound.as_ref().ok(),
+                "failure": bound.as_ref().err().map(ToString::to_string),
+            })
+        })
+        .collect();
+    json!({
+        "kind": design.drive.kind,
+        "bounds": least,
+        "laws": laws(&found.steps, bounds),
+        "moves": laws(&found.moves, bounds),
+    })
+}
+
+fn laws(rows: &[Row], bounds: &[Bound]) -> Vec<serde_json::Value> {
     let laws = rows.iter().map(|row| {
         let mut law = json!(row);
         let settled = row.outcomes.iter().map(|outcome| {
@@ -29,47 +53,90 @@ pub fn json(design: &Design, rows: &[Row], bounds: &[Bound]) -> serde_json::Valu
         }
         law
     });
-    let laws: Vec<_> = laws.collect();
-    let cases = rows.first().into_iter().flat_map(|row| &row.outcomes);
-    let bounds: Vec<_> = cases
-        .zip(bounds)
-        .map(|(outcome, bound)| {
-            json!({
-                "case": outcome.case,
-                "bound": bound.as_ref().ok(),
-                "failure": bound.as_ref().err().map(ToString::to_string),
-            })
-        })
-        .collect();
-    json!({ "kind": design.drive.kind, "bounds": bounds, "laws": laws })
+    laws.collect()
 }
 
 /// What is compared, the table, and what the rivals were tuned to.
 ///
 /// * `bounds`: of each plant
 #[must_use]
-pub fn text(design: &Design, rows: &[Row], bounds: &[Bound], effort: Effort) -> String {
+pub fn text(
+    design: &Design,
+    Comparison { steps, moves }: &Comparison,
+    bounds: &[Bound],
+    effort: Effort,
+) -> String {
     let units = design.drive.kind.units();
     let mass = controlled_mass(design.loads());
-    let cases = rows.first().into_iter().flat_map(|row| &row.outcomes);
+    let cases = steps.first().into_iter().flat_map(|row| &row.outcomes);
     let named = cases.map(|outcome| outcome.case.as_str()).zip(bounds);
+    let evaluations = evaluations(design, effort);
     format!(
         "Step of 30 {}, runs of {:.2} s. Each cell: settling time of mass {mass} to 2 % [ms] (over the bound) / \
          overshoot [%] / residual vibration [{} p-p]. Bound: least time any control can take on that plant, \
-         without friction.\n\n{}\n\n{}\n\n{}\n\n{}{}",
+         without friction.\n\n{}\n\n{}\n\n{}\n\n\
+         Planned move over the same distance: all laws on the drive's own plan, with the friction of the drive file \
+         fed forward; PD behind input shapers on ramps of its own. Worst: of the plants whose springs, last load \
+         and force constant differ.\n\n{}\n\n{}\n\n{}{}{}",
         units.milli_position,
         duration(design),
         units.micro_position,
-        table(rows, bounds, mass, units),
-        in_words(rows),
-        held_out(rows),
-        tunings(rows, units, evaluations(design, effort)),
+        table(steps, bounds, mass, units),
+        in_words(steps, "By the step, on the nominal plant"),
+        held_out(steps),
+        of_moves(moves, bounds, mass, units),
+        in_words(moves, "By planned moves, on the nominal plant"),
+        tunings(steps, units, evaluations, "the step"),
+        tunings(moves, units, evaluations, "planned moves"),
         failures(named),
     )
 }
 
+/// Every law by planned moves: the nominal plant, the worst of those it is tuned on, the others that are named, and
+/// those that were drawn.
+fn of_moves(rows: &[Row], bounds: &[Bound], mass: usize, units: &Units) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN);
+    let cases = rows.first().into_iter().flat_map(|row| &row.outcomes);
+    let others = cases.filter(|outcome| !outcome.tuned_on);
+    let mut header = vec!["law".to_owned(), "nominal".into(), "worst".into()];
+    header.extend(others.map(|outcome| outcome.case.clone()));
+    let drawn = rows.first().map_or(0, |row| row.held_out.plants);
+    header.push(format!("{drawn} drawn: median / 95 % / worst [ms]"));
+    header.push("not settled".into());
+    table.set_header(header);
+    for row in rows {
+        let named: Vec<_> = row.outcomes.iter().zip(bounds).collect();
+        let mut cells = vec![row.law.to_owned()];
+        let nominal = named.first();
+        cells.push(nominal.map_or("-".into(), |(outcome, bound)| {
+            cell(outcome, bound, mass, units)
+        }));
+        // What does not settle is longest.
+        let time = |outcome: &Outcome| {
+            let metrics = outcome.metrics.as_ref().filter(|m| m.fault.is_none());
+            let time = metrics.and_then(|metrics| metrics.settling_time);
+            time.unwrap_or(f64::INFINITY)
+        };
+        let tuned_on = named.iter().filter(|(outcome, _)| outcome.tuned_on);
+        let worst = tuned_on.max_by(|(a, _), (b, _)| time(a).total_cmp(&time(b)));
+        cells.push(worst.map_or("-".into(), |(outcome, bound)| {
+            format!("{}: {}", outcome.case, cell(outcome, bound, mass, units))
+        }));
+        let others = named.iter().filter(|(outcome, _)| !outcome.tuned_on);
+        cells.extend(others.map(|(outcome, bound)| cell(outcome, bound, mass, units)));
+        let found = &row.held_out;
+        let times = [found.median, found.most, found.worst];
+        let times = times.map(|time| time.map_or("-".into(), |time| format!("{:.0}", 1e3 * time)));
+        cells.push(times.join(" / "));
+        cells.push(found.not_settled.to_string());
+        table.add_row(cells);
+    }
+    table
+}
+
 /// How the drive as designed stands beside the best PD law on the plant it was designed for, the first.
-fn in_words(rows: &[Row]) -> String {
+fn in_words(rows: &[Row], on: &str) -> String {
     let nominal = |row: &Row| {
         let metrics = row.outcomes.first()?.metrics.as_ref()?;
         metrics.settling_time.filter(|_| metrics.fault.is_none())
@@ -80,12 +147,12 @@ fn in_words(rows: &[Row]) -> String {
         .filter(|row| matches!(row.tuning, Tuning::Pd(_)));
     let times = rivals.filter_map(|row| Some((row.law, nominal(row)?)));
     let Some((law, time)) = times.min_by(|a, b| a.1.total_cmp(&b.1)) else {
-        return "No PD law settles on the nominal plant.".into();
+        return format!("{on} no PD law settles.");
     };
     let rival = format!("{law} in {:.0} ms", 1e3 * time);
     match drive {
         None => {
-            format!("On the nominal plant the drive does not settle, {rival}: PD is better there.")
+            format!("{on} the drive does not settle, {rival}: PD is better there.")
         }
         Some(drive) => {
             let verdict = if drive < time {
@@ -94,7 +161,7 @@ fn in_words(rows: &[Row]) -> String {
                 "PD is as good there, or better"
             };
             format!(
-                "On the nominal plant the drive settles in {:.0} ms, {rival}: {verdict}.",
+                "{on} the drive settles in {:.0} ms, {rival}: {verdict}.",
                 1e3 * drive
             )
         }
@@ -233,70 +300,14 @@ fn cell(outcome: &Outcome, bound: &Bound, mass: usize, units: &Units) -> String 
 }
 
 /// What the rivals were tuned to, a line each, and why a law failed.
-fn tunings(rows: &[Row], units: &Units, evaluations: usize) -> String {
+fn tunings(rows: &[Row], units: &Units, evaluations: usize, way: &str) -> String {
     let mut text = format!(
-        "Tuned with {evaluations} evaluations each; criterion: mean settling time to 1, 1.4, 2 and 2.8 % on the worst \
-         plant.\n"
+        "Tuned for {way} with {evaluations} evaluations each; criterion: mean settling time to 1, 1.4, 2 and 2.8 % on \
+         the worst plant.\n"
     );
     for row in rows {
-        match &row.tuning {
-            Tuning::Design => {}
-            Tuning::Pd(pd) => {
-                text += &format!(
-                    "{}: {:.2} {}, {:.3} {}",
-                    row.law,
-                    pd.position_gain,
-                    units.position_gain,
-                    pd.velocity_gain,
-                    units.velocity_gain
-                );
-                if let Some(notch) = &pd.notch {
-                    text += &format!(
-                        ", notch at {:.2} Hz with damping ratios {:.3} over {:.3}",
-                        notch.centre / std::f64::consts::TAU,
-                        notch.depth,
-                        notch.width
-                    );
-                } else if let Some(disturbance) = &pd.disturbance {
-                    text += &format!(
-                        ", observer of {:.1} rad/s for {} {}",
-                        disturbance.cutoff,
-                        significant(disturbance.mass, 3),
-                        units.mass
-                    );
-                } else if let Some(reference) = &pd.reference {
-                    text += &format!(
-                        ", ramps of {:.1} ms, shaper for {:.2} Hz and damping ratio {:.2}",
-                        1e3 * reference.ramp,
-                        reference.frequency / std::f64::consts::TAU,
-                        reference.damping
-                    );
-                }
-                text += "\n";
-            }
-            Tuning::Weights(weights) => {
-                let list = |values: &[f64]| {
-                    let values = values.iter().map(|value| significant(*value, 3));
-                    values.collect::<Vec<_>>().join(", ")
-                };
-                text += &format!(
-                    "{}: position [{}] {}, velocity [{}] {}, load_force_ratio {}, disturbance_rate {} 1/s\n",
-                    row.law,
-                    list(&weights.position),
-                    units.position_weight,
-                    list(&weights.velocity),
-                    units.velocity_weight,
-                    significant(weights.load_force_ratio, 3),
-                    significant(weights.disturbance_rate, 3)
-                );
-            }
-            Tuning::Encoder(filter) => {
-                let force = units.force;
-                text += &format!(
-                    "{}: {:.2e} {force}/sqrt(Hz) on each load, disturbance {:.2e} {force}/sqrt(s)\n",
-                    row.law, filter.load_force, filter.disturbance
-                );
-            }
+        if !matches!(row.tuning, Tuning::Design) {
+            text += &format!("{}: {}\n", row.law, tuning(&row.tuning, units));
         }
         if let Some(criterion) = row.criterion {
             text.pop();
@@ -309,4 +320,62 @@ fn tunings(rows: &[Row], units: &Units, evaluations: usize) -> String {
         }
     }
     text
+}
+
+/// What a law was tuned to.
+pub(super) fn tuning(tuning: &Tuning, units: &Units) -> String {
+    match tuning {
+        Tuning::Design => "as designed".into(),
+        Tuning::Pd(pd) => {
+            let mut text = format!(
+                "{:.2} {}, {:.3} {}",
+                pd.position_gain, units.position_gain, pd.velocity_gain, units.velocity_gain
+            );
+            if let Some(notch) = &pd.notch {
+                text += &format!(
+                    ", notch at {:.2} Hz with damping ratios {:.3} over {:.3}",
+                    notch.centre / std::f64::consts::TAU,
+                    notch.depth,
+                    notch.width
+                );
+            } else if let Some(disturbance) = &pd.disturbance {
+                text += &format!(
+                    ", observer of {:.1} rad/s for {} {}",
+                    disturbance.cutoff,
+                    significant(disturbance.mass, 3),
+                    units.mass
+                );
+            } else if let Some(reference) = &pd.reference {
+                text += &format!(
+                    ", ramps of {:.1} ms, shaper for {:.2} Hz and damping ratio {:.2}",
+                    1e3 * reference.ramp,
+                    reference.frequency / std::f64::consts::TAU,
+                    reference.damping
+                );
+            }
+            text
+        }
+        Tuning::Weights(weights) => {
+            let list = |values: &[f64]| {
+                let values = values.iter().map(|value| significant(*value, 3));
+                values.collect::<Vec<_>>().join(", ")
+            };
+            format!(
+                "position [{}] {}, velocity [{}] {}, load_force_ratio {}, disturbance_rate {} 1/s",
+                list(&weights.position),
+                units.position_weight,
+                list(&weights.velocity),
+                units.velocity_weight,
+                significant(weights.load_force_ratio, 3),
+                significant(weights.disturbance_rate, 3)
+            )
+        }
+        Tuning::Encoder(filter) => {
+            let force = units.force;
+            format!(
+                "{:.2e} {force}/sqrt(Hz) on each load, disturbance {:.2e} {force}/sqrt(s)",
+                filter.load_force, filter.disturbance
+            )
+        }
+    }
 }

@@ -1,0 +1,20 @@
+//! Many random moves through the core: nothing is left ringing, no limit is broken, nothing hunts.
+//!
+//! ```text
+//! requests drawn with a seed -> core <-> plant -> arrivals: residual, limits, counts      (retargets)
+//! drives drawn with a seed, with friction and coarse encoders -> one move -> at rest?     (rest)
+//! ```
+//!
+//! Everything is judged by the true motion of the plant and by the drive file, not by what the core says of
+//! itself.
+
+pub mod rest;
+pub mod retargets;
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// Drawn evenly over the logarithm.
+fn log_uniform(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
+    random.random_range(from.ln()..to.ln()).exp()
+}
