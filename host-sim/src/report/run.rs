@@ -35,22 +35,15 @@ const SHADES: (f64, f64) = (0.3, 0.8);
 pub fn plot(core: &Run, full_state: &Run, title: &str, aims: &[Aim], limit: f64) -> Result<String> {
     let units = core.kind.units();
     let masses = masses(core);
-    let whole = core.samples.len();
-    let shown = moving(core, aims).max(moving(full_state, aims)).min(whole);
+    let shown = moving(core, aims).max(moving(full_state, aims));
+    let shown = shown.min(core.samples.len());
     let (drive, full) = (
         &core.samples[..shown],
         &full_state.samples[..shown.min(full_state.samples.len())],
     );
     let last = drive.last().map_or(0.0, |sample| sample.time);
     let times = (0.0, last);
-    let mut title = title.to_owned();
-    if shown < whole {
-        let all = core.samples.last().map_or(0.0, |sample| sample.time);
-        title += &format!(
-            " (the first {last:.3} s of {all:.3} s, then all within {} of where they end)",
-            micro(ended(core, aims), units)
-        );
-    }
+    let title = title.to_owned() + &cut_short(core, aims, shown);
 
     let milli = format!("position [{}]", units.milli_position);
     let milli_distance = format!("distance [{}]", units.milli_position);
@@ -62,22 +55,7 @@ pub fn plot(core: &Run, full_state: &Run, title: &str, aims: &[Aim], limit: f64)
     let each = |line: &dyn Fn(usize) -> Series| -> Vec<Series> { (0..masses).map(line).collect() };
 
     let bands: Vec<Band> = bands(core, aims, last);
-    let of_the_way = |around: &dyn Fn(&Band) -> f64| -> Vec<Series> {
-        let each = bands.iter().enumerate().map(|(number, band)| {
-            let name = if number == 0 { "2 % of the way" } else { "" };
-            let (middle, half) = (1e3 * around(band), 1e3 * band.half_width);
-            Series::band(name, SHADES.0, (middle - half, middle + half), band.times)
-        });
-        each.collect()
-    };
-    let tolerance = core.settling_tolerance;
-    let within_tolerance = |scale: f64, times: (f64, f64)| {
-        let name = format!("tolerance {}", micro(tolerance, units));
-        let half = scale * tolerance;
-        Series::band(name, SHADES.1, (-half, half), times)
-    };
-
-    let mut motion = of_the_way(&|band| band.target);
+    let mut motion = of_the_way(&bands, |band| band.target);
     motion.push(Series::behind(
         "reference",
         series(drive, |s| Some(1e3 * s.reference)),
@@ -87,28 +65,8 @@ pub fn plot(core: &Run, full_state: &Run, title: &str, aims: &[Aim], limit: f64)
         Series::line(name(mass), mass, points)
     }));
 
-    let distance = |mass: usize, s: &Sample| s.truth[2 * mass] - aim(aims, s.time).target;
-    let mut enlarged = of_the_way(&|_| 0.0);
-    enlarged.push(within_tolerance(1e3, times));
-    enlarged.extend(each(&|mass| {
-        let points = series(drive, |s| Some(1e3 * distance(mass, s)));
-        Series::line(name(mass), mass, points)
-    }));
-    let widest = bands.iter().map(|band| band.half_width).fold(0.0, f64::max);
-    let height = 1e3 * ENLARGED * widest.max(tolerance);
-
-    let arrival = arrival(core, &bands);
-    let arrived = &drive[drive.partition_point(|s| s.time < arrival)..];
-    let mut after = vec![within_tolerance(1e6, (arrival, last))];
-    after.extend(each(&|mass| {
-        let points = series(arrived, |s| Some(1e6 * distance(mass, s)));
-        Series::line(name(mass), mass, points)
-    }));
-    let end = core.samples.last();
-    let left = end.map_or(0.0, |s| {
-        (0..masses).fold(0.0, |most: f64, mass| most.max(distance(mass, s).abs()))
-    });
-    let small = 1e6 * (FURTHER * tolerance).max(LEFT * left);
+    let (enlarged, height) = enlarged(core, drive, aims, &bands);
+    let (after, small) = after_arrival(core, drive, aims, &bands);
 
     let (current_caption, current) = current(drive, full, limit, times);
 
@@ -178,6 +136,77 @@ pub fn plot(core: &Run, full_state: &Run, title: &str, aims: &[Aim], limit: f64)
         });
     }
     panels(&title, &content)
+}
+
+/// What a title says of a run that is not shown whole.
+fn cut_short(run: &Run, aims: &[Aim], shown: usize) -> String {
+    let time = |sample: Option<&Sample>| sample.map_or(0.0, |sample| sample.time);
+    if shown >= run.samples.len() {
+        return String::new();
+    }
+    format!(
+        " (the first {:.3} s of {:.3} s, then all within {} of where they end)",
+        time(run.samples[..shown].last()),
+        time(run.samples.last()),
+        micro(ended(run, aims), run.kind.units())
+    )
+}
+
+/// The bands of 2 % around something, mm.
+fn of_the_way(bands: &[Band], around: impl Fn(&Band) -> f64) -> Vec<Series> {
+    let each = bands.iter().enumerate().map(|(number, band)| {
+        let name = if number == 0 { "2 % of the way" } else { "" };
+        let (middle, half) = (1e3 * around(band), 1e3 * band.half_width);
+        Series::band(name, SHADES.0, (middle - half, middle + half), band.times)
+    });
+    each.collect()
+}
+
+/// The settling tolerance, in parts of a metre.
+fn within_tolerance(run: &Run, parts: f64, times: (f64, f64)) -> Series {
+    let tolerance = run.settling_tolerance;
+    let name = format!("tolerance {}", micro(tolerance, run.kind.units()));
+    let half = parts * tolerance;
+    Series::band(name, SHADES.1, (-half, half), times)
+}
+
+/// Distance of every mass from the target, in parts of a metre.
+fn distances(samples: &[Sample], aims: &[Aim], parts: f64) -> Vec<Series> {
+    let masses = samples.first().map_or(0, |s| s.truth.len() / 2);
+    let each = (0..masses).map(|mass| {
+        let points = series(samples, |s| Some(parts * distance(s, mass, aims)));
+        Series::line(name(mass), mass, points)
+    });
+    each.collect()
+}
+
+fn distance(sample: &Sample, mass: usize, aims: &[Aim]) -> f64 {
+    sample.truth[2 * mass] - aim(aims, sample.time).target
+}
+
+/// Distance from the target with both bands, and the half height that shows both, mm.
+fn enlarged(run: &Run, drive: &[Sample], aims: &[Aim], bands: &[Band]) -> (Vec<Series>, f64) {
+    let last = drive.last().map_or(0.0, |sample| sample.time);
+    let mut lines = of_the_way(bands, |_| 0.0);
+    lines.push(within_tolerance(run, 1e3, (0.0, last)));
+    lines.extend(distances(drive, aims, 1e3));
+    let widest = bands.iter().map(|band| band.half_width).fold(0.0, f64::max);
+    (lines, 1e3 * ENLARGED * widest.max(run.settling_tolerance))
+}
+
+/// The same after arrival with the tolerance, and what is left at the end, um.
+fn after_arrival(run: &Run, drive: &[Sample], aims: &[Aim], bands: &[Band]) -> (Vec<Series>, f64) {
+    let last = drive.last().map_or(0.0, |sample| sample.time);
+    let arrival = arrival(run, bands);
+    let arrived = &drive[drive.partition_point(|s| s.time < arrival)..];
+    let mut lines = vec![within_tolerance(run, 1e6, (arrival, last))];
+    lines.extend(distances(arrived, aims, 1e6));
+    let left = run.samples.last().map_or(0.0, |end| {
+        let each = (0..masses(run)).map(|mass| distance(end, mass, aims).abs());
+        each.fold(0.0, f64::max)
+    });
+    let half = (FURTHER * run.settling_tolerance).max(LEFT * left);
+    (lines, 1e6 * half)
 }
 
 /// Caption and lines of the current; far from its limits it would be a flat line between them, and is drawn

@@ -164,12 +164,11 @@ impl MoveSequence {
 fn require_possible(design: &Design, distance: f64, counts: f64, planned: f64) -> Result<()> {
     let unit = design.drive.kind.units().position;
     let resolution = design.drive.encoder.resolution;
-    // Written so that what is no number is refused.
-    if !(counts.abs() >= 1.0) {
+    if counts.is_nan() || counts.abs() < 1.0 {
         let rule = format!("must be one count of the encoder at least, {resolution:e} {unit}");
         return Err(Error::parameter("move", distance, rule));
     }
-    if !(planned <= LONGEST) {
+    if planned.is_nan() || planned > LONGEST {
         let rule = format!(
             "takes {planned:.0} control periods within the limits of planned moves: must be {LONGEST} at most"
         );
