@@ -70,6 +70,8 @@ const INTENDED_IN: f64 = 0.16;
 /// Longest that friction is worked against after arrival: periods of the slowest mode, and s.
 const SETTLING: f64 = 8.0;
 const LONGEST_SETTLING: f64 = 0.8;
+/// How fast the compensation follows where it follows slowly, over the slowest mode's frequency.
+const FOLLOWING: f64 = 3.0;
 /// Velocity at which the actuator is quiet: a share of that of the slowest mode swinging by the tolerance.
 const QUIET: f64 = 0.1;
 
@@ -277,7 +279,7 @@ impl Design {
                 actuator: mass_gain(0),
                 loads: std::array::from_fn(|load| mass_gain(load + 1)),
             },
-            rate: (period / slowest.max(period)) as f32,
+            rate: (FOLLOWING * period / slowest.max(FOLLOWING * period)) as f32,
         }
     }
 

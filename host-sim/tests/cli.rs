@@ -339,7 +339,11 @@ fn bad_drives_get_one_sentence_that_says_where() {
             "current = 0.0 ",
             "cost.current = 0: must be",
         ),
-        ("jerk = 200.0 ", "jerk = 0.0 ", "move.jerk = 0: must be"),
+        (
+            "velocity = 2.0 ",
+            "velocity = 2.0\njerk = 0.0 ",
+            "move.jerk = 0: must be",
+        ),
         (
             "[actuator]",
             "kind = \"round\"\n[actuator]",

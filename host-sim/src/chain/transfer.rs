@@ -313,7 +313,15 @@ impl Task<'_> {
         let actuator = velocity(0);
         if let Some(limit) = self.limits.velocity {
             for step in 1..=self.steps {
-                rows.within(&self.times(&(&actuator / limit), step), 1.0);
+                let entries = self.times(&(&actuator / limit), step);
+                rows.within(&entries, 1.0);
+                if self.kind == Kind::Change {
+                    // Backwards from the limit, what dips below zero would be beyond it.
+                    rows.add(
+                        entries.into_iter().map(|(column, value)| (column, -value)),
+                        0.0,
+                    );
+                }
             }
         }
         // A combination of the velocities at the end of this step and before.

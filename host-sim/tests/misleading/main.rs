@@ -117,24 +117,40 @@ fn a_plant_that_cannot_be_the_drive_s_is_refused() {
 /// What moves for ever has no settling time, but a word and a figure.
 #[test]
 fn hunting_is_shown_and_is_not_settled() {
-    for (name, drive, plant, least) in [
-        ("rotary", ROTARY, Some(ROTARY_PLANT), 1e-3),
-        ("heavy", HEAVY, Some(HEAVY_PLANT), 0.5e-3),
-        ("all checks pass", HUNTING, None, 1.5e-3),
-        ("wild", HUNTING_WILD, None, 5e-3),
+    let (metrics, row) = fig3(HUNTING_WILD, None);
+    let end = &metrics["end"];
+    assert!(metrics["settling_time"].is_null(), "{metrics}");
+    assert_ne!(end["state"], "rest", "{end}");
+    let motion = end["motion"][0].as_f64().unwrap();
+    assert!(motion > 5e-3, "{end}");
+    let word = end["state"].as_str().unwrap();
+    assert!(row.contains(&format!(" {word} ")), "{row}");
+    assert!(row.contains(&format!("{:.1}", 1e6 * motion)), "{row}");
+    // And the design says so beforehand.
+    let (_, check, text, _) = checked(HUNTING_WILD, "stillness");
+    assert_eq!(check["verdict"], "warn", "{check}");
+    assert!(text.contains("stillness: encoder counts"), "{text}");
+}
+
+/// Drives that hunted for ever under friction, coarse encoder or heavy load come to rest, within the tolerance.
+#[test]
+fn what_hunted_comes_to_rest() {
+    for (name, drive, plant, tolerance) in [
+        (
+            "rotary",
+            ROTARY,
+            Some(ROTARY_PLANT),
+            5.0 * 2.0 * std::f64::consts::PI / 16384.0,
+        ),
+        ("heavy", HEAVY, Some(HEAVY_PLANT), 100e-6),
+        ("all checks pass", HUNTING, None, 200e-6),
     ] {
-        let (metrics, row) = fig3(drive, plant);
+        let (metrics, _) = fig3(drive, plant);
         let end = &metrics["end"];
-        assert!(metrics["settling_time"].is_null(), "{name}: {metrics}");
-        assert_ne!(end["state"], "rest", "{name}: {end}");
-        let motion = end["motion"][0].as_f64().unwrap();
-        assert!(motion > least, "{name}: {end}");
-        let word = end["state"].as_str().unwrap();
-        assert!(
-            row.contains(&format!("| {word} ")) || row.contains(&format!(" {word} ")),
-            "{row}"
-        );
-        assert!(row.contains(&format!("{:.1}", 1e6 * motion)), "{row}");
+        assert_eq!(end["state"], "rest", "{name}: {end}");
+        for offset in end["offset"].as_array().unwrap() {
+            assert!(offset.as_f64().unwrap().abs() < tolerance, "{name}: {end}");
+        }
     }
 }
 
@@ -145,7 +161,7 @@ fn the_offset_at_the_end_is_shown() {
     let end = &metrics["end"];
     let offset = end["offset"][0].as_f64().unwrap();
     assert_eq!(end["state"], "rest", "{end}");
-    assert!((offset.abs() - 97e-6).abs() < 10e-6, "{end}");
+    assert!((20e-6..100e-6).contains(&offset.abs()), "{end}");
     assert!(row.contains(&format!("{:.1}", 1e6 * offset)), "{row}");
     // The drive that is as described stands on its target.
     let (metrics, _) = fig3(DRIVE, None);

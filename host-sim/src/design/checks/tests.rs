@@ -66,7 +66,7 @@ fn the_brake_check_foretells_commissioning() {
         let check = named(&design, "commissioning_brake");
         assert_eq!(check.verdict < Verdict::Refuse, brakes, "{check:?}");
         let plant = PlantFile::from(&design.drive);
-        let mut core = corridor(&design, None).unwrap();
+        let mut core = corridor_with_plans(&design, plans, None).unwrap();
         let commissioned = commission(core.as_mut(), &plant, 1e-3);
         assert_eq!(commissioned.is_ok(), brakes, "{current_weight}");
     }
@@ -138,13 +138,16 @@ fn bad_drives_are_found() {
 fn the_friction_check_foretells_commissioning() {
     use crate::drive::PlantFile;
     use crate::simulate::commission;
-    use crate::simulate::corridor::corridor;
+    use crate::simulate::corridor::corridor_with_plans;
+    // Friction beyond the motor's force leaves none.
+    let other = design(|_| ());
+    let plans = other.plans().unwrap();
     for (share, moves) in [(0.3, true), (0.45, true), (0.51, false), (1.1, false)] {
         let design = design(|drive| drive.friction.coulomb = share * 6.43 * 2.0);
         let check = named(&design, "friction_share");
         assert_eq!(check.verdict < Verdict::Refuse, moves, "{check:?}");
         let plant = PlantFile::from(&design.drive);
-        let mut core = corridor(&design, None).unwrap();
+        let mut core = corridor_with_plans(&design, plans, None).unwrap();
         let commissioned = commission(core.as_mut(), &plant, 1e-3);
         assert_eq!(commissioned.is_ok(), moves, "{share}: {commissioned:?}");
     }
