@@ -254,13 +254,35 @@ impl<'p> Moves<'p> {
         sum.feed_forward.0 += scale * plan.feed_forward * f32::from(row[0]);
         let (mut position, mut deflection) = Self::places::<N>(row);
         if past != 0 {
-            // The current is held, the masses go on.
+            // The current is held, the masses go on: from knot to knot as smoothly as they do.
+            let at = |knot: u32| {
+                self.row::<N>(plan, knot)
+                    .map_or((0.0, [0.0; N]), Self::places)
+            };
+            let (next, after) = (at(knot + 1), at(knot + 2));
             let share = past as f32 / stride as f32;
-            let next = self.row::<N>(plan, knot + 1).map(Self::places::<N>);
-            let (next_position, next_deflection) = next.unwrap_or((0.0, [0.0; N]));
-            position += share * (next_position - position);
-            for (deflection, next) in deflection.iter_mut().zip(next_deflection) {
-                *deflection += share * (next - *deflection);
+            // A plan begins at rest, which a change of velocity sees from the line on which it will end.
+            let first = knot == 0;
+            let line = if first && segment.what == What::Change {
+                -(stride as f32) * self.sample_time / plan.position
+            } else {
+                0.0
+            };
+            let before = if first { next } else { at(knot - 1) };
+            let last = knot + 1 >= plan.knots.into();
+            let between = |here: f32, before: f32, next: f32, after: f32, line: f32| {
+                let slope = if first { line } else { 0.5 * (next - before) };
+                let next_slope = if last { 0.0 } else { 0.5 * (after - here) };
+                let gap = next - here;
+                let (square, cube) = (
+                    3.0 * gap - 2.0 * slope - next_slope,
+                    slope + next_slope - 2.0 * gap,
+                );
+                here + share * (slope + share * (square + share * cube))
+            };
+            position = between(position, before.0, next.0, after.0, line);
+            for (load, place) in deflection.iter_mut().enumerate() {
+                *place = between(*place, before.1[load], next.1[load], after.1[load], 0.0);
             }
         }
         sum.position.0 += scale * plan.position * position;

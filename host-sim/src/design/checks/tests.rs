@@ -66,7 +66,7 @@ fn the_brake_check_foretells_commissioning() {
         let check = named(&design, "commissioning_brake");
         assert_eq!(check.verdict < Verdict::Refuse, brakes, "{check:?}");
         let plant = PlantFile::from(&design.drive);
-        let mut core = corridor_with_plans(&design, plans, None).unwrap();
+        let mut core = corridor(&design, None).unwrap();
         let commissioned = commission(core.as_mut(), &plant, 1e-3);
         assert_eq!(commissioned.is_ok(), brakes, "{current_weight}");
     }
