@@ -465,16 +465,15 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         let estimate = on_reference(&difference, &reference, velocity);
         let reaction_force = Force(reaction_force.0 + expected.0);
 
-        let target = self.encoder.position(memory.target).0;
-        telemetry.reference = target + reference.position.0;
-        telemetry.velocity = estimate.velocity.0;
-        telemetry.disturbance = disturbance.force.0 + expected.0;
-        telemetry.reaction_force = reaction_force.0;
-        telemetry.disturbance_state = estimate.disturbance.0;
-        telemetry.load_velocity = estimate.load_velocity;
-        for (position, deflection) in telemetry.load_position.iter_mut().zip(&estimate.deflection) {
-            *position = target + estimate.position.0 + deflection;
-        }
+        let disturbance = Force(disturbance.force.0 + expected.0);
+        let target = self.encoder.position(memory.target);
+        record(
+            telemetry,
+            target,
+            &reference,
+            &estimate,
+            (disturbance, reaction_force),
+        );
 
         let period = Period {
             reading,
@@ -503,13 +502,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             if stopping.ended(&self.rest, reading, self.sample_time) {
                 return Ok(None);
             }
-            // The loop holds the machine where it was, whatever the move goes on to do.
-            let from_place = self.encoder.distance(stopping.place, memory.target);
-            let mut estimate = estimate;
-            estimate.position.0 += from_place.0;
-            let feedback = self.regulator.step(&estimate);
-            let compensation = estimate.disturbance.0 * self.current_per_force;
-            return self.limited(Current(feedback.0 + compensation));
+            return self.stand(stopping.place, memory.target, estimate);
         }
         let feedback = self.regulator.step(&difference);
         let rule = self
@@ -546,6 +539,16 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             self.observer.shift(&mut memory.observer, distance);
         }
         Ok(())
+    }
+
+    /// The command that holds the machine at a place, whatever the move goes on to do.
+    ///
+    /// * `estimate`: of the machine, relative to the target
+    fn stand(&self, place: Place, target: Place, mut estimate: Estimate<N>) -> Outcome {
+        estimate.position.0 += self.encoder.distance(place, target).0;
+        let feedback = self.regulator.step(&estimate);
+        let compensation = estimate.disturbance.0 * self.current_per_force;
+        self.limited(Current(feedback.0 + compensation))
     }
 
     /// A machine that is held back at the current limit is not run away from: where that lasts, the reference
@@ -590,6 +593,28 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             enable: true,
             limited: limited.limited,
         }))
+    }
+}
+
+/// What a period of the closed loop found, into its record.
+///
+/// * `target`: from zero
+/// * `disturbance`, `reaction_force`: the whole forces, what the reference exerts included
+fn record<const N: usize>(
+    telemetry: &mut Telemetry<[f32; N]>,
+    target: Position,
+    reference: &Reference<N>,
+    estimate: &Estimate<N>,
+    (disturbance, reaction_force): (Force, Force),
+) {
+    telemetry.reference = target.0 + reference.position.0;
+    telemetry.velocity = estimate.velocity.0;
+    telemetry.disturbance = disturbance.0;
+    telemetry.reaction_force = reaction_force.0;
+    telemetry.disturbance_state = estimate.disturbance.0;
+    telemetry.load_velocity = estimate.load_velocity;
+    for (position, deflection) in telemetry.load_position.iter_mut().zip(&estimate.deflection) {
+        *position = target.0 + estimate.position.0 + deflection;
     }
 }
 

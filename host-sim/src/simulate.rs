@@ -90,6 +90,22 @@ pub struct Run {
 }
 
 impl Run {
+    /// Refuses a run in which the drive stopped itself.
+    ///
+    /// # Errors
+    /// [`Error::Fault`], which names the fault and when.
+    pub(crate) fn require_no_fault(&self) -> Result<()> {
+        let Some((time, fault)) = self.fault else {
+            return Ok(());
+        };
+        Err(Error::Fault {
+            experiment: self.scenario.name,
+            time,
+            number: fault.number(),
+            fault: format!("{fault:?}"),
+        })
+    }
+
     /// The same run, held against the tolerance of a design.
     pub(crate) fn with_tolerance(self, design: &Design) -> Self {
         Self {

@@ -6,11 +6,12 @@
 //!                                             +--> fault? a false alarm
 //! ```
 
+use crate::random_drive::{log_uniform, machine, weights};
 use arso_core::{Counts, Current, Fault, Measurement, Mode, Position, Request};
 use host_sim::design::Design;
 use host_sim::design::assessment::require_sound;
-use host_sim::drive::{Drive, PlantFile, StatedMotion, Weights};
-use host_sim::machine::{ExternalForce, Load};
+use host_sim::drive::{Drive, PlantFile};
+use host_sim::machine::ExternalForce;
 use host_sim::simulate::commission;
 use host_sim::simulate::corridor::corridor;
 use host_sim::simulate::plant::Plant;
@@ -51,46 +52,15 @@ impl fmt::Display for Alarm {
 /// Length of each move and of what comes after it, in periods of the slowest mode.
 const PERIODS: f64 = 14.0;
 
-fn log_uniform(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
-    random.random_range(from.ln()..to.ln()).exp()
-}
-
 /// A sound drive: 1 to 4 loads that weigh from a fifth to twice the actuator, modes from 4 Hz on, declared
 /// friction up to 3 % of the motor's force, 2,000 to 50,000 counts per move.
 fn drive(random: &mut ChaCha8Rng) -> (Drive, Design) {
     loop {
-        let mut drive = Drive::default_drive();
-        let loads = random.random_range(1..=4);
-        let actuator = log_uniform(random, 0.03, 3.0);
-        let load = actuator * log_uniform(random, 0.2, 2.0) / f64::from(loads);
-        let omega = std::f64::consts::TAU * log_uniform(random, 4.0, 25.0);
-        drive.actuator.mass = actuator;
-        drive.actuator.current_limit = 2.0;
-        // The acceleration of the whole, m/s².
-        let acceleration = log_uniform(random, 20.0, 200.0);
-        let total = actuator + load * f64::from(loads);
-        drive.actuator.force_constant = 0.5 * acceleration * total;
-        drive.loads = (0..loads)
-            .map(|_| {
-                let mass = load * random.random_range(0.7..1.4);
-                let stiffness = mass * (omega * random.random_range(0.8..1.3)).powi(2);
-                let damping = 2.0 * random.random_range(0.004..0.05) * (stiffness * mass).sqrt();
-                Load {
-                    mass,
-                    stiffness,
-                    damping,
-                }
-            })
-            .collect();
+        let (mut drive, omega) = machine(random, 4, 2.0);
         drive.encoder.resolution = log_uniform(random, 0.5e-6, 5e-6);
         let force = drive.actuator.force_constant * drive.actuator.current_limit;
         drive.friction.coulomb = force * random.random_range(0.0..0.03);
-        drive.cost.weights = Weights::SettlingTime {
-            seconds: log_uniform(random, 12.0, 25.0) / omega,
-            place: String::new(),
-        };
-        drive.cost.terminal = vec![0.0; 2 * loads as usize + 2];
-        drive.motion = StatedMotion::default();
+        drive.cost.weights = weights(random, omega);
         let Ok(design) = Design::new(&drive) else {
             continue;
         };

@@ -6,6 +6,7 @@ pub mod campaign;
 pub mod drives;
 pub mod false_alarms;
 pub mod move_campaign;
+mod random_drive;
 pub mod reference;
 #[cfg(feature = "virtual-board")]
 pub mod virtual_board;

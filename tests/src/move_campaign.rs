@@ -10,11 +10,3 @@
 
 pub mod rest;
 pub mod retargets;
-
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-
-/// Drawn evenly over the logarithm.
-fn log_uniform(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
-    random.random_range(from.ln()..to.ln()).exp()
-}

@@ -102,7 +102,7 @@ impl Simulate {
             let text = csv(&run)?;
             drop(progress);
             print(&String::from_utf8_lossy(&text))?;
-            return require_no_fault([&run]);
+            return run.require_no_fault();
         }
 
         let mut runs: Vec<Judged> = Vec::new();
@@ -145,7 +145,8 @@ impl Simulate {
             text += &format!("Plots and CSV of every step: {}\n", self.out.display());
             print(&text)?;
         }
-        require_no_fault(&whole)
+        // A run in which the drive stopped itself is a failed run, after its figures have been shown.
+        whole.iter().try_for_each(Run::require_no_fault)
     }
 
     /// What is to be simulated.
@@ -208,19 +209,4 @@ impl Simulate {
     fn duration(&self, experiment: &Experiment) -> f64 {
         self.duration.unwrap_or_else(|| experiment.duration())
     }
-}
-
-/// A run in which the drive stopped itself is a failed run, after its figures have been shown.
-fn require_no_fault<'a>(runs: impl IntoIterator<Item = &'a Run>) -> Result<()> {
-    for run in runs {
-        if let Some((time, fault)) = run.fault {
-            return Err(Error::Fault {
-                experiment: run.scenario.name,
-                time,
-                number: fault.number(),
-                fault: format!("{fault:?}"),
-            });
-        }
-    }
-    Ok(())
 }

@@ -92,7 +92,8 @@ fn lasts(end: &[Sample]) -> bool {
     lasting && drift <= DRIFT * peak_to_peak(end, 0)
 }
 
-fn peak_to_peak(samples: &[Sample], element: usize) -> f64 {
+/// Distance between the ends of the motion of one element of the state, m.
+pub(crate) fn peak_to_peak(samples: &[Sample], element: usize) -> f64 {
     let positions = samples.iter().map(|sample| sample.truth[element]);
     let (low, high) = positions.fold((f64::MAX, f64::MIN), |(low, high), x| {
         (low.min(x), high.max(x))

@@ -1,7 +1,7 @@
 //! What a run is judged by.
 
 use super::corridor::estimate;
-use super::ending::{Ending, Motion};
+use super::ending::{Ending, Motion, peak_to_peak};
 use crate::chain::controlled_mass;
 use crate::drive::SETTLING_BAND;
 use crate::simulate::{Run, Sample};
@@ -85,23 +85,38 @@ pub fn settling_time(run: &Run, band: f64) -> Option<f64> {
 /// * `tolerance`: m
 #[must_use]
 pub fn within(run: &Run, tolerance: f64) -> Option<f64> {
+    held_from(run, both_within(run, tolerance))
+}
+
+/// The same, whether or not that is only so at the end of the run.
+pub(crate) fn within_from(run: &Run, tolerance: f64) -> Option<f64> {
+    let from = stays_from(&run.samples, both_within(run, tolerance));
+    run.samples.get(from).map(|sample| sample.time)
+}
+
+/// Whether actuator and controlled mass are within a tolerance of the target, m.
+fn both_within(run: &Run, tolerance: f64) -> impl Fn(&Sample) -> bool {
     let (controlled, target, _) = motion(run);
-    let inside = |x: f64| (x - target).abs() <= tolerance;
-    held_from(run, |sample| {
-        inside(sample.truth[0]) && inside(sample.truth[controlled])
-    })
+    // Written so that what is no number is outside.
+    let inside = move |x: f64| (x - target).abs() <= tolerance;
+    move |sample| inside(sample.truth[0]) && inside(sample.truth[controlled])
 }
 
 /// Time from which on every sample is inside, s; none when that is only so at the end of the run.
 fn held_from(run: &Run, inside: impl Fn(&Sample) -> bool) -> Option<f64> {
     let samples = &run.samples;
-    let outside = samples.iter().rposition(|sample| !inside(sample));
-    let settled = outside.map_or(0, |last| last + 1);
+    let settled = stays_from(samples, inside);
     let held = (samples.len() - settled) as f64 >= HELD * samples.len() as f64;
     samples
         .get(settled)
         .filter(|_| held)
         .map(|sample| sample.time)
+}
+
+/// Number of the sample from which on every one is inside; of none, how many there are.
+fn stays_from(samples: &[Sample], inside: impl Fn(&Sample) -> bool) -> usize {
+    let outside = samples.iter().rposition(|sample| !inside(sample));
+    outside.map_or(0, |last| last + 1)
 }
 
 /// The same between the samples, in control periods; where it does not settle, its mean distance from the
@@ -149,13 +164,7 @@ impl Metrics {
             &samples[from.max(late)..]
         });
         let window = window.filter(|window| !window.is_empty());
-        let peak_to_peak = |element: usize| {
-            let positions = window.unwrap_or_default().iter().map(|s| s.truth[element]);
-            let (low, high) = positions.fold((f64::MAX, f64::MIN), |(low, high), x| {
-                (low.min(x), high.max(x))
-            });
-            high - low
-        };
+        let residual = |element: usize| peak_to_peak(window.unwrap_or_default(), element);
         let rms = |element: usize| {
             let errors = samples.iter().filter_map(|sample| {
                 let record = sample.record.as_ref()?;
@@ -173,7 +182,7 @@ impl Metrics {
             within_tolerance_from: within(run, run.settling_tolerance),
             end: end.clone(),
             overshoot: 100.0 * beyond.fold(0.0, f64::max),
-            residual_vibration: window.map(|_| elements.clone().map(peak_to_peak).collect()),
+            residual_vibration: window.map(|_| elements.clone().map(residual).collect()),
             offset: window.map(|window| {
                 let offsets = window.iter().map(|s| s.truth[controlled] - target);
                 offsets.sum::<f64>() / window.len() as f64

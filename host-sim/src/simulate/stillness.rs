@@ -4,6 +4,7 @@
 //! band for ever, and no margin of the linear loop shows it. So a planned move is simulated on the drive's own
 //! machine, with the friction that the drive file states, without any and with twice as much.
 
+use super::ending::peak_to_peak;
 use super::scenario::Scenario;
 use super::{Law, simulate};
 use crate::design::Design;
@@ -46,12 +47,9 @@ pub fn stillness(design: &Design) -> Result<Check> {
         };
         // A drive that stopped itself is at rest by another rule.
         if run.fault.is_none() {
-            let end = run.samples.iter().filter(|sample| sample.time >= from);
-            let positions = end.map(|sample| sample.truth[0]);
-            let (low, high) = positions.fold((f64::MAX, f64::MIN), |(low, high), x| {
-                (low.min(x), high.max(x))
-            });
-            largest = largest.max((high - low) / resolution);
+            let end = run.samples.partition_point(|sample| sample.time < from);
+            let motion = peak_to_peak(&run.samples[end..], 0);
+            largest = largest.max(motion / resolution);
         }
         if stated.friction.coulomb == 0.0 {
             break;

@@ -9,14 +9,13 @@
 //! each way, and within the tolerance of the target, and it has to stay so. The simulated friction is the same
 //! whether it holds or slides.
 
-use super::log_uniform;
+use crate::random_drive::{log_uniform, machine, weights};
 use arso_core::{Counts, Current, Measurement, Mode, Place, Request};
 use host_sim::chain::controlled_mass;
 use host_sim::design::Design;
 use host_sim::design::assessment::Assessment;
 use host_sim::design::checks::{Check, Verdict};
-use host_sim::drive::{Drive, PlantFile, Weights};
-use host_sim::machine::Load;
+use host_sim::drive::{Drive, PlantFile};
 use host_sim::simulate::corridor::{Corridor, Record, corridor};
 use host_sim::simulate::plant::Plant;
 use rand::{RngExt, SeedableRng};
@@ -66,8 +65,8 @@ impl Ending {
     /// Whether it stands, or moves, outside its tolerance.
     #[must_use]
     pub fn hangs(&self) -> bool {
-        // Written so that what is no number hangs.
-        !(self.off <= 1.0)
+        // What is no number hangs.
+        self.off > 1.0 || self.off.is_nan()
     }
 }
 
@@ -212,35 +211,9 @@ fn all(count: u64, one: impl Fn(u64) -> Result<Ending, String> + Sync + Send) ->
 /// A sound drive, and the friction that its machine has, N.
 fn drive(random: &mut ChaCha8Rng) -> (Design, f64) {
     loop {
-        let mut drive = Drive::default_drive();
-        let loads = random.random_range(1..=3);
-        let actuator = log_uniform(random, 0.03, 3.0);
-        let load = actuator * log_uniform(random, 0.2, 6.0) / f64::from(loads);
-        let omega = std::f64::consts::TAU * log_uniform(random, 4.0, 25.0);
-        drive.actuator.mass = actuator;
-        // The acceleration of the whole, m/s².
-        let acceleration = log_uniform(random, 20.0, 200.0);
-        let total = actuator + load * f64::from(loads);
-        drive.actuator.force_constant = acceleration * total / drive.actuator.current_limit;
-        drive.loads = (0..loads)
-            .map(|_| {
-                let mass = load * random.random_range(0.7..1.4);
-                let stiffness = mass * (omega * random.random_range(0.8..1.3)).powi(2);
-                let damping = 2.0 * random.random_range(0.004..0.05) * (stiffness * mass).sqrt();
-                Load {
-                    mass,
-                    stiffness,
-                    damping,
-                }
-            })
-            .collect();
+        let (mut drive, omega) = machine(random, 3, 6.0);
         drive.encoder.resolution = DISTANCE / log_uniform(random, 2e3, 30e3);
-        drive.cost.weights = Weights::SettlingTime {
-            seconds: log_uniform(random, 12.0, 25.0) / omega,
-            place: String::new(),
-        };
-        drive.cost.terminal = vec![0.0; 2 * loads as usize + 2];
-        drive.motion = Default::default();
+        drive.cost.weights = weights(random, omega);
         let coulomb = drive.actuator.largest_force() * random.random_range(0.005..0.05);
         drive.friction.coulomb = coulomb * random.random_range(0.0..2.0);
         if let Some(design) = sound(drive) {

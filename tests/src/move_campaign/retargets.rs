@@ -3,7 +3,7 @@
 //! A session is a drive that is commissioned once and then asked again and again, at any moment of what is under
 //! way; every few requests it is left alone until its reference rests, and judged.
 
-use super::log_uniform;
+use crate::random_drive::log_uniform;
 use arso_core::{Counts, Current, Measurement, Mode, Place, Request, Velocity};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
