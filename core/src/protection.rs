@@ -13,6 +13,7 @@
 mod applied_current;
 mod encoder_jump;
 mod encoder_step;
+mod model_error;
 mod saturation;
 mod stall;
 mod thermal;
@@ -27,6 +28,7 @@ use crate::limits::Limits;
 use crate::moves::Reference;
 use crate::observer::Estimate;
 use crate::units::{Current, Force, Place, Position, Travel};
+pub use model_error::ModelError;
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
 pub(crate) use thermal::Heat;
@@ -43,10 +45,12 @@ pub struct ProtectionLimits<const N: usize> {
     pub following_error: f32,
     /// Largest reaction force, N.
     pub reaction_force: f32,
-    /// Largest disturbance on the actuator that the observer may find, N.
+    /// Largest disturbance on the actuator that the observer may find at rest, N.
     pub disturbance: f32,
-    /// Largest innovation of the state observer: force that the model does not expect, N.
+    /// Largest innovation of the state observer at rest: force that the model does not expect, N.
     pub innovation: f32,
+    /// By how much both may go further in a move.
+    pub model_error: ModelError,
     /// Farthest each spring may be stretched or compressed, from the actuator outwards, m.
     #[serde(with = "BigArray")]
     pub deflection: [f32; N],
@@ -70,6 +74,7 @@ impl<const N: usize> ProtectionLimits<N> {
         positive("protection.reaction_force", self.reaction_force)?;
         positive("protection.disturbance", self.disturbance)?;
         positive("protection.innovation", self.innovation)?;
+        self.model_error.check()?;
         for deflection in self.deflection {
             positive("protection.deflection", deflection)?;
         }
@@ -134,6 +139,7 @@ pub(crate) struct Protection<const N: usize> {
     /// What the motor carries, N, and the current that it needs for it, A.
     holding_force: f32,
     holding_current: f32,
+    force_constant: f32,
 }
 
 /// What the watches of a running drive remember.
@@ -142,6 +148,8 @@ pub(crate) struct Memory {
     encoder_step: encoder_step::Memory,
     stall: stall::Memory,
     saturated: u32,
+    /// Force of the plans, N.
+    planned: f32,
     /// Where the actuator may be.
     travel: Option<Travel>,
 }
@@ -184,6 +192,7 @@ impl<const N: usize> Protection<N> {
             ),
             holding_force,
             holding_current: holding_force / actuator.actual_force_constant(),
+            force_constant: actuator.actual_force_constant(),
         }
     }
 
@@ -210,8 +219,16 @@ impl<const N: usize> Protection<N> {
             }
             2 => (self.stall, self.saturation) == (copy.stall, copy.saturation),
             _ => {
-                (self.thermal, self.holding_force, self.holding_current)
-                    == (copy.thermal, copy.holding_force, copy.holding_current)
+                self.thermal == copy.thermal
+                    && (
+                        self.holding_force,
+                        self.holding_current,
+                        self.force_constant,
+                    ) == (
+                        copy.holding_force,
+                        copy.holding_current,
+                        copy.force_constant,
+                    )
             }
         }
     }
@@ -246,7 +263,9 @@ impl<const N: usize> Protection<N> {
         let moving = Current(current.0 - self.holding_current);
         self.encoder_step
             .step(&mut memory.encoder_step, reading, moving)?;
-        within::step(&self.limits, self.holding_force, period)?;
+        let planned = self.force_constant * period.reference.feed_forward.0;
+        let planned = self.limits.model_error.step(&mut memory.planned, planned);
+        within::step(&self.limits, self.holding_force, planned, period)?;
         let unexplained = period.estimate.disturbance.0 + period.estimate.innovation.0;
         let forces = [self.stall.motor(*current), unexplained];
         stall::Stall::step(&mut memory.stall, reading, forces)?;

@@ -10,7 +10,7 @@ use arso_core::friction::FrictionFeedForward;
 use arso_core::limits::Limits;
 use arso_core::moves::plans::{Plan, Plans};
 use arso_core::observer::{Anchored, LinearObserver};
-use arso_core::protection::ProtectionLimits;
+use arso_core::protection::{ModelError, ProtectionLimits};
 use arso_core::regulator::{MassGain, Regulator};
 use arso_core::standstill::Standstill;
 
@@ -73,6 +73,7 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         reaction_force: 25.72, // N
         disturbance: 1.929, // N
         innovation: 1.929, // N
+        model_error: ModelError { disturbance: 0.5, innovation: 0.9, remembered: 0.9881346 },
         deflection: [0.08573333, 0.08573333, 0.08573333], // m
         stiction: 0.3858, // N
         saturation_time: 0.25, // s

@@ -8,7 +8,7 @@ use crate::amplifier::Amplifier;
 use crate::friction::FrictionFeedForward;
 use crate::moves::plans::Plans;
 use crate::observer::{Anchored, LinearObserver};
-use crate::protection::ProtectionLimits;
+use crate::protection::{ModelError, ProtectionLimits};
 use crate::regulator::MassGain;
 use crate::units::Travel;
 use proptest::prelude::*;
@@ -90,6 +90,11 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
             reaction_force: 1e6,
             disturbance: 1e6,
             innovation: 1e6,
+            model_error: ModelError {
+                disturbance: 0.0,
+                innovation: 0.0,
+                remembered: 0.0,
+            },
             deflection: [1e3],
             stiction: 1e3,
             saturation_time: 1e3,

@@ -4,9 +4,11 @@ use super::{Period, ProtectionLimits, Trip, beyond};
 use crate::fault::Fault;
 
 /// * `holding_force`: what the motor carries, which is no fault, N
+/// * `planned`: force of the plans of late, by which a model that is off shows, N
 pub(super) fn step<const N: usize>(
     limits: &ProtectionLimits<N>,
     holding_force: f32,
+    planned: f32,
     period: &Period<'_, N>,
 ) -> Result<(), Trip> {
     let Period {
@@ -24,9 +26,13 @@ pub(super) fn step<const N: usize>(
     beyond(
         Fault::Disturbance,
         estimate.disturbance.0 - holding_force,
-        limits.disturbance,
+        limits.disturbance + limits.model_error.disturbance * planned,
     )?;
-    beyond(Fault::Unexpected, estimate.innovation.0, limits.innovation)?;
+    beyond(
+        Fault::Unexpected,
+        estimate.innovation.0,
+        limits.innovation + limits.model_error.innovation * planned,
+    )?;
     let mut inner = 0.0;
     for (deflection, limit) in estimate.deflection.iter().zip(&limits.deflection) {
         beyond(Fault::Deflection, deflection - inner, *limit)?;

@@ -67,7 +67,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          use arso_core::limits::Limits;\n\
          use arso_core::moves::plans::{{Plan, Plans}};\n\
          use arso_core::observer::{{{name}, LinearObserver}};\n\
-         use arso_core::protection::ProtectionLimits;\n\
+         use arso_core::protection::{{ModelError, ProtectionLimits}};\n\
          use arso_core::regulator::{{MassGain, Regulator}};\n\
          use arso_core::standstill::Standstill;\n\
          \n\
@@ -158,6 +158,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          {I}{I}reaction_force: {:?}, // {force}\n\
          {I}{I}disturbance: {:?}, // {force}\n\
          {I}{I}innovation: {:?}, // {force}\n\
+         {I}{I}model_error: {:?},\n\
          {I}{I}deflection: {:?}, // {position}\n\
          {I}{I}stiction: {:?}, // {force}\n\
          {I}{I}saturation_time: {:?}, // s\n\
@@ -178,6 +179,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         protection.reaction_force,
         protection.disturbance,
         protection.innovation,
+        protection.model_error,
         protection.deflection,
         protection.stiction,
         protection.saturation_time,

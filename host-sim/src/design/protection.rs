@@ -10,8 +10,8 @@
 //! | `velocity` | 1.25 `v`, and half of what `F` gives `M` by itself |
 //! | `following_error` | what that makes in one period of the slowest mode |
 //! | `reaction_force` | 2 `F` |
-//! | `disturbance` | 15 % of `F`, and three times the declared Coulomb friction |
-//! | `innovation` | 15 % of `F` |
+//! | `disturbance` | 15 % of `F`, and three times the declared Coulomb friction; in a move 50 % of the plan's force more |
+//! | `innovation` | 15 % of `F`; in a move 90 % of the plan's force more |
 //! | `deflection` | 2 `F` over the spring's stiffness |
 //! | `stiction` | 3 % of `F`, and 1.5 times the declared Coulomb friction |
 //! | `saturation_time` | 0.25 s, or four times what the motor needs to bring `M` to the velocity limit |
@@ -21,7 +21,7 @@
 
 use super::Design;
 use arso_core::Place;
-use arso_core::protection::ProtectionLimits;
+use arso_core::protection::{ModelError, ProtectionLimits};
 use arso_core::units::Travel;
 use serde::Serialize;
 
@@ -40,6 +40,8 @@ pub struct Protection {
     pub disturbance: f64,
     /// N.
     pub innovation: f64,
+    /// Period of the slowest mode, in which the force of a plan is forgotten by `1/e`, in control periods.
+    pub slowest: f64,
     /// Of each spring, m.
     pub deflection: Vec<f64>,
     /// N.
@@ -60,6 +62,7 @@ const CURRENT_ERROR: f64 = 0.35;
 const FASTER: f64 = 1.25;
 const DISTURBANCE: (f64, f64) = (0.15, 3.0);
 const INNOVATION: f64 = 0.15;
+const MODEL_ERROR: (f64, f64) = (0.5, 0.9);
 const FORCE: f64 = 2.0;
 const STICTION: (f64, f64) = (0.03, 1.5);
 const SATURATION: (f64, f64) = (0.25, 4.0);
@@ -93,6 +96,7 @@ impl Protection {
             reaction_force,
             disturbance: stated.disturbance.unwrap_or(share(DISTURBANCE)),
             innovation: stated.innovation.unwrap_or(INNOVATION * force),
+            slowest: 1.0 / (slowest * period),
             deflection: match stated.deflection {
                 Some(stated) => vec![stated; chain.loads()],
                 None => deflection.collect(),
@@ -127,6 +131,11 @@ impl Protection {
             reaction_force: self.reaction_force as f32,
             disturbance: self.disturbance as f32,
             innovation: self.innovation as f32,
+            model_error: ModelError {
+                disturbance: MODEL_ERROR.0 as f32,
+                innovation: MODEL_ERROR.1 as f32,
+                remembered: (-1.0 / self.slowest).exp() as f32,
+            },
             deflection: std::array::from_fn(|spring| {
                 let limit = self.deflection.get(spring);
                 limit.map_or(f32::NAN, |limit| *limit as f32)
