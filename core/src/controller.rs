@@ -349,7 +349,10 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             observer: self.observer.at_rest(self.holding_force),
             target: place,
             moves: moves::Memory::default(),
-            standstill: standstill::Memory::at_rest(self.holding_force),
+            standstill: standstill::Memory::at_rest(
+                self.holding_force,
+                Force(self.friction.coulomb),
+            ),
             fed: Fed::default(),
             expected: Expected::default(),
             limited: 0,
@@ -508,8 +511,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         let rule = self
             .standstill
             .step(&mut memory.standstill, reference.rests, &difference);
-        let friction = self.friction.step(velocity, rule.intended);
-        memory.fed.friction = Current(friction.0 * self.current_per_force);
+        let friction = self.friction.step(velocity).0 + rule.friction.0;
+        memory.fed.friction = Current(friction * self.current_per_force);
         let command = self.limited(Current(
             reference.feed_forward.0
                 + memory.fed.friction.0

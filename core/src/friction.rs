@@ -27,15 +27,12 @@ pub struct FrictionFeedForward {
 
 impl FrictionFeedForward {
     /// Force that friction takes at a velocity of the reference.
-    ///
-    /// * `intended`: at rest, the velocity at which the actuator would move without friction; only its sign
-    ///   counts
     #[must_use]
-    pub fn step(&self, velocity: Velocity, intended: Velocity) -> Force {
+    pub fn step(&self, velocity: Velocity) -> Force {
         let share = velocity.0 / self.smoothing;
-        let whole = if share > 1.0 || intended.0 > 0.0 {
+        let whole = if share > 1.0 {
             1.0
-        } else if share < -1.0 || intended.0 < 0.0 {
+        } else if share < -1.0 {
             -1.0
         } else {
             share
@@ -68,7 +65,7 @@ mod tests {
             (2.0, 0.2 + 1.0),
             (-2.0, -1.2),
         ] {
-            let found = friction.step(Velocity(velocity), Velocity(0.0)).0;
+            let found = friction.step(Velocity(velocity)).0;
             assert!((found - force).abs() < 1e-6, "{velocity}: {found}");
         }
     }

@@ -12,16 +12,20 @@
 //! ```
 //!
 //! * *Settling*: friction is fed forward in the direction in which the actuator would soon move without it,
-//!   `v + τ dv/dt` of the frictionless closed loop; to the loop the machine then has none. A wrong friction can
-//!   do harm as long only as this phase lasts. What the disturbance state finds is compensated at once.
-//! * *Held*: no friction is fed forward, the compensation stays as it is, and nothing in the loop integrates.
+//!   `v + τ dv/dt` of the frictionless closed loop; to the loop the machine then has none. How much there is, is
+//!   [learned](learning). What the disturbance state finds is compensated at once.
+//! * *Held*: no friction is fed forward, the compensation stays at what it was on average, and nothing in the loop
+//!   integrates.
 //! * *Follows slowly*: farther from the target than the tolerance; slowly enough that friction lets go of the
 //!   machine without a leap.
+
+mod learning;
 
 use crate::check::{SettingsError, not_negative, positive};
 use crate::observer::Estimate;
 use crate::regulator::Regulator;
 use crate::units::{Force, Velocity};
+pub use learning::FrictionLearning;
 use serde::{Deserialize, Serialize};
 
 /// Coefficients.
@@ -39,25 +43,38 @@ pub struct Standstill<const N: usize> {
     pub intention: Regulator<N>,
     /// Share of the way to what is found that the compensation follows in a period where it follows slowly.
     pub rate: f32,
+    /// Share of the way that the average of what is found comes in a period.
+    pub averaging: f32,
+    /// How much friction there is.
+    pub learning: FrictionLearning,
 }
 
 /// What is kept from one period to the next.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Memory {
     compensation: f32,
+    /// Average of what is found, N.
+    average: f32,
+    learning: learning::Memory,
     /// Periods since the reference came to rest.
     rested: u32,
     /// Periods since anything wanted to move.
     quiet: u32,
+    /// Whether settling has ended.
+    ended: bool,
     /// Whether it is held.
     holds: bool,
 }
 
 impl Memory {
     /// At rest under a steady force.
-    pub(crate) fn at_rest(force: Force) -> Self {
+    ///
+    /// * `coulomb`: friction as declared
+    pub(crate) fn at_rest(force: Force, coulomb: Force) -> Self {
         Self {
             compensation: force.0,
+            average: force.0,
+            learning: learning::Memory::new(coulomb),
             ..Self::default()
         }
     }
@@ -68,8 +85,8 @@ impl Memory {
 pub(crate) struct Rule {
     /// The force that is compensated.
     pub(crate) compensation: Force,
-    /// Where the actuator would move without friction, where that is to be helped.
-    pub(crate) intended: Velocity,
+    /// What friction takes of an actuator that is to move though its reference rests.
+    pub(crate) friction: Force,
 }
 
 /// Share of the tolerance within which it is held, and farther off again let go.
@@ -83,11 +100,13 @@ impl<const N: usize> Standstill<N> {
     pub(crate) fn step(&self, memory: &mut Memory, rests: bool, difference: &Estimate<N>) -> Rule {
         let found = difference.disturbance;
         let error = difference.position.0.abs();
-        memory.rested = if rests {
-            memory.rested.saturating_add(1)
+        memory.average += self.averaging * (found.0 - memory.average);
+        if rests {
+            memory.rested = memory.rested.saturating_add(1);
         } else {
-            0
-        };
+            memory.rested = 0;
+            memory.learning.moves();
+        }
         let intended = self.intention.step(difference).0;
         let wants = intended.abs() > self.least_velocity;
         let still = rests && !wants && error <= NEAR * self.tolerance;
@@ -96,25 +115,34 @@ impl<const N: usize> Standstill<N> {
         } else {
             0
         };
-        let held = memory.holds && rests;
-        if !held && memory.rested <= self.settling && memory.quiet < self.quiet {
+        let settled = memory.rested > self.settling || memory.quiet >= self.quiet;
+        if !rests || !(memory.ended || settled) {
+            memory.ended = false;
             memory.holds = false;
             memory.compensation = found.0;
+            let intended = Velocity(if rests && wants { intended } else { 0.0 });
+            let learning = &mut memory.learning;
+            let friction = self
+                .learning
+                .step(learning, difference.position, found, intended);
             return Rule {
                 compensation: found,
-                intended: Velocity(if rests && wants { intended } else { 0.0 }),
+                friction,
             };
+        }
+        if !memory.ended {
+            memory.ended = true;
+            memory.compensation = memory.average;
         }
         let near = if memory.holds { 1.0 } else { NEAR };
         // Written so that what is no number is not held.
-        let within = error <= near * self.tolerance;
-        memory.holds = within;
-        if !within {
+        memory.holds = error <= near * self.tolerance;
+        if !memory.holds {
             memory.compensation += self.rate * (found.0 - memory.compensation);
         }
         Rule {
             compensation: Force(memory.compensation),
-            intended: Velocity(0.0),
+            friction: Force(0.0),
         }
     }
 
@@ -122,6 +150,8 @@ impl<const N: usize> Standstill<N> {
         positive("standstill.tolerance", self.tolerance)?;
         not_negative("standstill.least_velocity", self.least_velocity)?;
         not_negative("standstill.rate", self.rate)?;
+        not_negative("standstill.averaging", self.averaging)?;
+        self.learning.check()?;
         self.intention.check()
     }
 }

@@ -34,7 +34,7 @@ use arso_core::friction::FrictionFeedForward;
 use arso_core::limits::Limits;
 use arso_core::observer::LinearObserver;
 use arso_core::regulator::{MassGain, Regulator};
-use arso_core::standstill::Standstill;
+use arso_core::standstill::{FrictionLearning, Standstill};
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 use std::sync::OnceLock;
 use weights::PerformanceIndex;
@@ -72,6 +72,15 @@ const SETTLING: f64 = 8.0;
 const LONGEST_SETTLING: f64 = 0.8;
 /// How fast the compensation follows where it follows slowly, over the slowest mode's frequency.
 const FOLLOWING: f64 = 3.0;
+/// How fast friction is learned from the disturbance, over the slowest mode's frequency; how fast it rises while the
+/// actuator stands, shares of the motor's force per second; and the most that it can be: share of the motor's
+/// force, and times what is declared.
+const LEARNING: f64 = 1.0;
+const RISING: f64 = 0.25;
+const MOST_FRICTION: (f64, f64) = (0.05, 2.0);
+/// Counts within which the actuator stands, though it is to have come so many.
+const STANDS: f64 = 1.5;
+const WANTED: f64 = 10.0;
 /// Velocity at which the actuator is quiet: a share of that of the slowest mode swinging by the tolerance.
 const QUIET: f64 = 0.1;
 
@@ -269,6 +278,8 @@ impl Design {
             velocity: intention[2 * mass + 1] as f32,
         };
         let tolerance = self.motion.settling_tolerance;
+        let env = |name: &str, or: f64| std::env::var(name).map_or(or, |v| v.parse().unwrap());
+        let force = self.drive.actuator.largest_force();
         let swing = tolerance * std::f64::consts::TAU / slowest;
         Standstill {
             tolerance: tolerance as f32,
@@ -280,6 +291,15 @@ impl Design {
                 loads: std::array::from_fn(|load| mass_gain(load + 1)),
             },
             rate: (FOLLOWING * period / slowest.max(FOLLOWING * period)) as f32,
+            averaging: (period / slowest).min(1.0) as f32,
+            learning: FrictionLearning {
+                gain: (env("LEARN", LEARNING) * period / slowest).min(1.0) as f32,
+                rise: (env("RISING", RISING) * force * period) as f32,
+                most: (MOST_FRICTION.0 * force).max(MOST_FRICTION.1 * self.drive.friction.coulomb)
+                    as f32,
+                stands: (STANDS * self.drive.encoder.resolution) as f32,
+                wanted: (env("WANTED", WANTED) * self.drive.encoder.resolution / period) as f32,
+            },
         }
     }
 

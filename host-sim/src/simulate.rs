@@ -27,7 +27,7 @@ use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use arso_core::friction::FrictionFeedForward;
 use arso_core::limits::Limits;
-use arso_core::{Counts, Current, Fault, Measurement, Mode, Place, Refusal, Request, Velocity};
+use arso_core::{Counts, Current, Fault, Measurement, Mode, Place, Refusal, Request};
 use corridor::{Corridor, Record, corridor_with_plans};
 use nalgebra::DVector;
 use plant::Plant;
@@ -347,8 +347,7 @@ impl Ask for FullState<'_> {
 impl Control for FullState<'_> {
     fn step(&mut self, _: u32, truth: &DVector<f64>, _: f64) -> Result<ControlOutput> {
         let reference = self.player.step()?;
-        let friction = f64::from(self.friction.step(reference.velocity, Velocity(0.0)).0)
-            / self.force_constant;
+        let friction = f64::from(self.friction.step(reference.velocity).0) / self.force_constant;
         let feedback = (&self.gain * (truth - &reference.state)).x;
         let current = reference.feed_forward + friction - feedback;
         let limited = self.limits.step(Current(current as f32)).ok_or_else(|| {

@@ -80,6 +80,14 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
                 }],
             },
             rate: 0.01,
+            averaging: 0.01,
+            learning: crate::standstill::FrictionLearning {
+                gain: 0.0,
+                rise: 0.0,
+                most: 1.0,
+                stands: 1e-6,
+                wanted: 1.0,
+            },
         },
         holding_force: 0.0,
         // So wide that the tests of the corridor see nothing of them.

@@ -50,7 +50,12 @@ impl DesignCommand {
         } else if !quiet {
             let mut text = format!("design for {origin}\n{}", design::tables(&design)?);
             text += &design::protection(&design);
-            text += &design::moves(&design)?;
+            // What is refused may have no plans either, and the refusal says why.
+            match design::moves(&design) {
+                Err(error) if sound.is_ok() => return Err(error),
+                Err(error) => text += &format!("no planned moves: {error}\n"),
+                Ok(moves) => text += &moves,
+            }
             text += &design::assessment(&assessment);
             if let (Some(path), true) = (&self.rust, sound.is_ok()) {
                 text += &format!("gains written to {}\n", path.display());

@@ -144,7 +144,7 @@ impl<'d> Guide<'d> {
         self.before = state[0];
         let friction = self.friction.map_or(0.0, |friction| {
             let velocity = Velocity((moved / self.period) as f32);
-            f64::from(friction.step(velocity, Velocity(0.0)).0) / self.force_constant
+            f64::from(friction.step(velocity).0) / self.force_constant
         });
         Ok(Led {
             state,

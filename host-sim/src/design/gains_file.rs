@@ -69,7 +69,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          use arso_core::observer::{{{name}, LinearObserver}};\n\
          use arso_core::protection::{{ModelError, ProtectionLimits}};\n\
          use arso_core::regulator::{{MassGain, Regulator}};\n\
-         use arso_core::standstill::Standstill;\n\
+         use arso_core::standstill::{{FrictionLearning, Standstill}};\n\
          \n\
          /// Linear or rotary: which units all numbers are in.\n\
          pub const KIND: &str = \"{kind}\";\n\

@@ -120,11 +120,13 @@ pub fn tables(design: &Design) -> Result<String> {
         design.drive.control.observer.name(),
         slowest(design.observer_poles()?),
     );
-    let _ = writeln!(
-        text,
-        "fingerprint of the settings, as the log has it: {:08x}",
-        fingerprint(design)?
-    );
+    // Of a refused design there may be none.
+    if let Ok(fingerprint) = fingerprint(design) {
+        let _ = writeln!(
+            text,
+            "fingerprint of the settings, as the log has it: {fingerprint:08x}"
+        );
+    }
     Ok(text)
 }
 
@@ -313,7 +315,7 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
     let observer = &design.observer;
     Ok(json!({
         "kind": design.drive.kind,
-        "fingerprint": fingerprint(design)?,
+        "fingerprint": fingerprint(design).ok(),
         "a": rows(&design.chain.a()),
         "b": design.chain.b().as_slice(),
         "ad": rows(&design.ad),
@@ -327,7 +329,8 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
         "observer_gain": observer.correction.as_slice(),
         "observer_poles": poles(design.observer_poles()?),
         "protection": Protection::new(design),
-        "moves": moves_of(design)?,
+        // Of a refused design there may be none.
+        "moves": moves_of(design).ok(),
         "modes": design.modes(),
         "distinct_eigenvalues": assessment.distinct_eigenvalues,
         "checks": assessment.checks,

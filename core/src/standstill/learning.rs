@@ -1,0 +1,153 @@
+//! How much friction there is, learned while the machine settles; what the drive file declares is the first guess.
+//!
+//! ```text
+//! stands, though it is to move:   F += rise
+//! moves as intended:              F += gain d sgn(v_intended)        0 ≤ F ≤ most
+//! ```
+//!
+//! With too little fed forward the machine stands, and the force rises until it lets go. With too much the
+//! disturbance state pulls back along the motion, and with too little along it; what a wrong model of the loads
+//! does to that state is a quarter of a vibration off the motion and averages out.
+
+use crate::check::{SettingsError, not_negative};
+use crate::units::{Force, Position, Velocity};
+use serde::{Deserialize, Serialize};
+
+/// Coefficients.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrictionLearning {
+    /// Share of the disturbance that is taken for friction in a period.
+    pub gain: f32,
+    /// By which the force rises in a period in which the actuator stands, N.
+    pub rise: f32,
+    /// Most that friction can be, N.
+    pub most: f32,
+    /// Within which the actuator stands, m.
+    pub stands: f32,
+    /// Sum of the intended velocities, one a period, after which an actuator that is still there does stand, m/s.
+    pub wanted: f32,
+}
+
+/// What is kept from one period to the next.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Memory {
+    friction: f32,
+    /// Where the actuator was last seen to move, m.
+    anchor: f32,
+    /// Sum of the velocities intended since then, m/s.
+    wanted: f32,
+}
+
+impl Memory {
+    /// * `coulomb`: as declared
+    pub(super) fn new(coulomb: Force) -> Self {
+        Self {
+            friction: coulomb.0,
+            ..Self::default()
+        }
+    }
+
+    /// The reference moves: nothing is learned.
+    pub(super) fn moves(&mut self) {
+        self.wanted = 0.0;
+    }
+}
+
+impl FrictionLearning {
+    /// One period; the force that friction takes.
+    ///
+    /// * `error`: of the actuator from its reference, which rests
+    /// * `found`: what the observer finds that has to be compensated
+    /// * `intended`: zero where the actuator is not to move
+    pub(super) fn step(
+        &self,
+        memory: &mut Memory,
+        error: Position,
+        found: Force,
+        intended: Velocity,
+    ) -> Force {
+        if (error.0 - memory.anchor).abs() > self.stands {
+            memory.anchor = error.0;
+            memory.wanted = 0.0;
+        } else {
+            memory.wanted += intended.0.abs();
+        }
+        let along = |force: f32| {
+            if intended.0 > 0.0 {
+                force
+            } else if intended.0 < 0.0 {
+                -force
+            } else {
+                0.0
+            }
+        };
+        let change = if intended.0 == 0.0 {
+            0.0
+        } else if memory.wanted > self.wanted {
+            self.rise
+        } else {
+            self.gain * along(found.0)
+        };
+        memory.friction = (memory.friction + change).max(0.0).min(self.most);
+        Force(along(memory.friction))
+    }
+
+    pub(super) fn check(&self) -> Result<(), SettingsError> {
+        not_negative("standstill.learning.gain", self.gain)?;
+        not_negative("standstill.learning.rise", self.rise)?;
+        not_negative("standstill.learning.most", self.most)?;
+        not_negative("standstill.learning.stands", self.stands)?;
+        not_negative("standstill.learning.wanted", self.wanted)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEARNING: FrictionLearning = FrictionLearning {
+        gain: 0.1,
+        rise: 0.5,
+        most: 3.0,
+        stands: 1e-6,
+        wanted: 3.5,
+    };
+
+    fn step(memory: &mut Memory, error: f32, found: f32, intended: f32) -> f32 {
+        let (error, found, intended) = (Position(error), Force(found), Velocity(intended));
+        LEARNING.step(memory, error, found, intended).0
+    }
+
+    #[test]
+    fn it_rises_while_the_actuator_stands_and_no_further_than_friction_can_be() {
+        let mut memory = Memory::new(Force(1.0));
+        let forces = [(); 9].map(|()| step(&mut memory, 0.0, 0.0, -1.0));
+        let expected = [-1.0, -1.0, -1.0, -1.5, -2.0, -2.5, -3.0, -3.0, -3.0];
+        assert_eq!(forces, expected);
+        // Not to move: nothing is fed forward, and nothing is forgotten.
+        assert_eq!(step(&mut memory, 0.0, 1.0, 0.0), 0.0);
+        assert_eq!(step(&mut memory, 1.0, 0.0, 1.0), 3.0);
+    }
+
+    /// Too much is pulled back along the motion, whatever its direction.
+    #[test]
+    fn moving_it_comes_to_what_the_disturbance_leaves() {
+        for direction in [1.0, -1.0] {
+            let mut memory = Memory::new(Force(2.5));
+            let mut force = 0.0;
+            for k in 0..200_i16 {
+                let found = 0.8 * direction - force;
+                force = step(&mut memory, f32::from(k), found, direction);
+            }
+            assert!((force - 0.8 * direction).abs() < 1e-3, "{force}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_is_not_kept() {
+        let mut memory = Memory::new(Force(1.0));
+        let force = step(&mut memory, 1.0, f32::NAN, 1.0);
+        assert!((0.0..=3.0).contains(&force));
+        assert!((0.0..=3.0).contains(&step(&mut memory, 2.0, 0.0, 1.0)));
+    }
+}
