@@ -45,6 +45,8 @@ pub struct Standstill<const N: usize> {
     pub rate: f32,
     /// Share of the way that the average of what is found comes in a period.
     pub averaging: f32,
+    /// Intended velocity from which on the actuator must not stand, however near the target, m/s.
+    pub urgent: f32,
     /// How much friction there is.
     pub learning: FrictionLearning,
 }
@@ -121,10 +123,11 @@ impl<const N: usize> Standstill<N> {
             memory.holds = false;
             memory.compensation = found.0;
             let intended = Velocity(if rests && wants { intended } else { 0.0 });
+            let urgent = error > NEAR * self.tolerance || intended.0.abs() > self.urgent;
             let learning = &mut memory.learning;
-            let friction = self
-                .learning
-                .step(learning, difference.position, found, intended);
+            let friction =
+                self.learning
+                    .step(learning, difference.position, found, intended, urgent);
             return Rule {
                 compensation: found,
                 friction,
@@ -150,6 +153,7 @@ impl<const N: usize> Standstill<N> {
         positive("standstill.tolerance", self.tolerance)?;
         not_negative("standstill.least_velocity", self.least_velocity)?;
         not_negative("standstill.rate", self.rate)?;
+        not_negative("standstill.urgent", self.urgent)?;
         not_negative("standstill.averaging", self.averaging)?;
         self.learning.check()?;
         self.intention.check()

@@ -78,9 +78,11 @@ const FOLLOWING: f64 = 3.0;
 const LEARNING: f64 = 1.0;
 const RISING: f64 = 0.25;
 const MOST_FRICTION: (f64, f64) = (0.05, 2.0);
-/// Counts within which the actuator stands, though it is to have come so many.
+/// Counts within which the actuator stands, and after which share of the slowest mode's period it does.
 const STANDS: f64 = 1.5;
-const WANTED: f64 = 10.0;
+const STOOD: f64 = 0.05;
+/// Velocity at which it must not stand: a share of that of the slowest mode swinging by the tolerance.
+const URGENT: f64 = 1.0;
 /// Velocity at which the actuator is quiet: a share of that of the slowest mode swinging by the tolerance.
 const QUIET: f64 = 0.1;
 
@@ -278,7 +280,6 @@ impl Design {
             velocity: intention[2 * mass + 1] as f32,
         };
         let tolerance = self.motion.settling_tolerance;
-        let env = |name: &str, or: f64| std::env::var(name).map_or(or, |v| v.parse().unwrap());
         let force = self.drive.actuator.largest_force();
         let swing = tolerance * std::f64::consts::TAU / slowest;
         Standstill {
@@ -291,14 +292,15 @@ impl Design {
                 loads: std::array::from_fn(|load| mass_gain(load + 1)),
             },
             rate: (FOLLOWING * period / slowest.max(FOLLOWING * period)) as f32,
+            urgent: (URGENT * swing) as f32,
             averaging: (period / slowest).min(1.0) as f32,
             learning: FrictionLearning {
-                gain: (env("LEARN", LEARNING) * period / slowest).min(1.0) as f32,
-                rise: (env("RISING", RISING) * force * period) as f32,
+                gain: (LEARNING * period / slowest).min(1.0) as f32,
+                rise: (RISING * force * period) as f32,
                 most: (MOST_FRICTION.0 * force).max(MOST_FRICTION.1 * self.drive.friction.coulomb)
                     as f32,
                 stands: (STANDS * self.drive.encoder.resolution) as f32,
-                wanted: (env("WANTED", WANTED) * self.drive.encoder.resolution / period) as f32,
+                patience: periods(STOOD * slowest),
             },
         }
     }

@@ -1,7 +1,7 @@
 //! How much friction there is, learned while the machine settles; what the drive file declares is the first guess.
 //!
 //! ```text
-//! stands, though it is to move:   F += rise
+//! stands, though it must move:    F += rise
 //! moves as intended:              F += gain d sgn(v_intended)        0 ≤ F ≤ most
 //! ```
 //!
@@ -24,8 +24,8 @@ pub struct FrictionLearning {
     pub most: f32,
     /// Within which the actuator stands, m.
     pub stands: f32,
-    /// Sum of the intended velocities, one a period, after which an actuator that is still there does stand, m/s.
-    pub wanted: f32,
+    /// Periods for which it is to move and has not, after which it does stand.
+    pub patience: u32,
 }
 
 /// What is kept from one period to the next.
@@ -34,8 +34,8 @@ pub(super) struct Memory {
     friction: f32,
     /// Where the actuator was last seen to move, m.
     anchor: f32,
-    /// Sum of the velocities intended since then, m/s.
-    wanted: f32,
+    /// For how many periods it has been there though it was to move.
+    stood: u32,
 }
 
 impl Memory {
@@ -49,7 +49,7 @@ impl Memory {
 
     /// The reference moves: nothing is learned.
     pub(super) fn moves(&mut self) {
-        self.wanted = 0.0;
+        self.stood = 0;
     }
 }
 
@@ -59,19 +59,23 @@ impl FrictionLearning {
     /// * `error`: of the actuator from its reference, which rests
     /// * `found`: what the observer finds that has to be compensated
     /// * `intended`: zero where the actuator is not to move
+    /// * `urgent`: whether it must not stand
     pub(super) fn step(
         &self,
         memory: &mut Memory,
         error: Position,
         found: Force,
         intended: Velocity,
+        urgent: bool,
     ) -> Force {
-        if (error.0 - memory.anchor).abs() > self.stands {
+        let anchored = if (error.0 - memory.anchor).abs() > self.stands {
             memory.anchor = error.0;
-            memory.wanted = 0.0;
+            memory.stood = 0;
+            false
         } else {
-            memory.wanted += intended.0.abs();
-        }
+            memory.stood = memory.stood.saturating_add(u32::from(urgent));
+            true
+        };
         let along = |force: f32| {
             if intended.0 > 0.0 {
                 force
@@ -81,9 +85,9 @@ impl FrictionLearning {
                 0.0
             }
         };
-        let change = if intended.0 == 0.0 {
+        let change = if intended.0 == 0.0 || anchored && memory.stood <= self.patience {
             0.0
-        } else if memory.wanted > self.wanted {
+        } else if memory.stood > self.patience {
             self.rise
         } else {
             self.gain * along(found.0)
@@ -96,8 +100,7 @@ impl FrictionLearning {
         not_negative("standstill.learning.gain", self.gain)?;
         not_negative("standstill.learning.rise", self.rise)?;
         not_negative("standstill.learning.most", self.most)?;
-        not_negative("standstill.learning.stands", self.stands)?;
-        not_negative("standstill.learning.wanted", self.wanted)
+        not_negative("standstill.learning.stands", self.stands)
     }
 }
 
@@ -110,12 +113,12 @@ mod tests {
         rise: 0.5,
         most: 3.0,
         stands: 1e-6,
-        wanted: 3.5,
+        patience: 3,
     };
 
     fn step(memory: &mut Memory, error: f32, found: f32, intended: f32) -> f32 {
         let (error, found, intended) = (Position(error), Force(found), Velocity(intended));
-        LEARNING.step(memory, error, found, intended).0
+        LEARNING.step(memory, error, found, intended, true).0
     }
 
     #[test]
