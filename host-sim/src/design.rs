@@ -284,7 +284,7 @@ impl Design {
         let swing = tolerance * std::f64::consts::TAU / slowest;
         Standstill {
             tolerance: tolerance as f32,
-            settling: periods((SETTLING * slowest).min(LONGEST_SETTLING)),
+            settling: periods(self.motion.settling),
             quiet: periods(slowest),
             least_velocity: (QUIET * swing) as f32,
             intention: Regulator {
@@ -297,8 +297,7 @@ impl Design {
             learning: FrictionLearning {
                 gain: (LEARNING * period / slowest).min(1.0) as f32,
                 rise: (RISING * force * period) as f32,
-                most: (MOST_FRICTION.0 * force).max(MOST_FRICTION.1 * self.drive.friction.coulomb)
-                    as f32,
+                most: self.motion.most_friction as f32,
                 stands: (STANDS * self.drive.encoder.resolution) as f32,
                 patience: periods(STOOD * slowest),
             },
@@ -363,6 +362,10 @@ pub struct Motion {
     pub table: usize,
     /// How far from its target the actuator may come to rest, m.
     pub settling_tolerance: f64,
+    /// Longest that it may take to settle after its reference has come to rest, s.
+    pub settling: f64,
+    /// Most that Coulomb friction can be, N.
+    pub most_friction: f64,
 }
 
 /// Settling tolerance where none is stated, m: 50 um, or 5 counts where those are more.
@@ -402,6 +405,8 @@ impl Motion {
             settling_tolerance: stated
                 .settling_tolerance
                 .unwrap_or_else(|| settling_tolerance(resolution)),
+            settling: (SETTLING * slowest).min(LONGEST_SETTLING),
+            most_friction: (MOST_FRICTION.0 * force).max(MOST_FRICTION.1 * drive.friction.coulomb),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Whether drives with friction, coarse encoders and wrong models come to rest where they ought to.
 //!
-//! *Drives*: 1 to 3 loads that weigh from a fifth to six times the actuator, modes from 4 Hz on, 2,000 to 30,000
+//! *Drives*: weights as derived, nothing that the check `stillness` warns of; 1 to 3 loads that weigh from a fifth to six times the actuator, modes from 4 Hz on, 2,000 to 30,000
 //! counts in a move of 30 mm (both cutoffs as low as the check of the encoder asks for), Coulomb friction of 0.5 to 5 % of the motor's force, of which 0 to 200 % is fed forward.
 //! *Plants*: the default drive with springs +-30 %, last load 0 to +50 %, force constant +-10 % and friction
 //! up to 1.6 % of the motor's force, fed forward in the same way.
@@ -9,15 +9,16 @@
 //! each way, and within the tolerance of the target, and it has to stay so. The simulated friction is the same
 //! whether it holds or slides.
 
-use crate::random_drive::{log_uniform, machine, weights};
+use crate::random_drive::{log_uniform, machine};
 use arso_core::{Counts, Current, Measurement, Mode, Place, Request};
 use host_sim::chain::controlled_mass;
 use host_sim::design::Design;
 use host_sim::design::assessment::Assessment;
 use host_sim::design::checks::{Check, Verdict};
-use host_sim::drive::{Drive, PlantFile};
+use host_sim::drive::{Drive, PlantFile, Weights};
 use host_sim::simulate::corridor::{Corridor, Record, corridor};
 use host_sim::simulate::plant::Plant;
+use host_sim::simulate::stillness::stillness;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -211,9 +212,9 @@ fn all(count: u64, one: impl Fn(u64) -> Result<Ending, String> + Sync + Send) ->
 /// A sound drive, and the friction that its machine has, N.
 fn drive(random: &mut ChaCha8Rng) -> (Design, f64) {
     loop {
-        let (mut drive, omega) = machine(random, 3, 6.0);
+        let (mut drive, _) = machine(random, 3, 6.0);
         drive.encoder.resolution = DISTANCE / log_uniform(random, 2e3, 30e3);
-        drive.cost.weights = weights(random, omega);
+        drive.cost.weights = Weights::Derived;
         let coulomb = drive.actuator.largest_force() * random.random_range(0.005..0.05);
         drive.friction.coulomb = coulomb * random.random_range(0.0..2.0);
         if let Some(design) = sound(drive) {
@@ -222,7 +223,8 @@ fn drive(random: &mut ChaCha8Rng) -> (Design, f64) {
     }
 }
 
-/// The drive's design with cutoffs as low as its encoder needs them, if it is sound.
+/// The drive's design with cutoffs as low as its encoder needs them, if it is sound and `design` does not warn that
+/// it would not come to rest.
 fn sound(mut drive: Drive) -> Option<Design> {
     for _ in 0..LOWERED {
         let design = Design::new(&drive).ok()?;
@@ -233,7 +235,9 @@ fn sound(mut drive: Drive) -> Option<Design> {
         let noisy =
             |check: &Check| check.name == "encoder_force_noise" && check.verdict != Verdict::Pass;
         if !checks.iter().any(noisy) {
-            return design.plans().is_ok().then_some(design);
+            design.plans().ok()?;
+            let still = stillness(&design).ok()?.verdict == Verdict::Pass;
+            return still.then_some(design);
         }
         drive.control.disturbance_cutoff *= LOWER;
         drive.control.reaction_force_cutoff *= LOWER;
