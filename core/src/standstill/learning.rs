@@ -34,6 +34,8 @@ pub(super) struct Memory {
     friction: f32,
     /// Where the actuator was last seen to move, m.
     anchor: f32,
+    /// Whether there has been a planned move: after a raw step the disturbance shows more than friction.
+    learns: bool,
     /// For how many periods it has been there though it was to move.
     stood: u32,
 }
@@ -47,8 +49,9 @@ impl Memory {
         }
     }
 
-    /// The reference moves: nothing is learned.
+    /// The reference moves: nothing is learned before it rests.
     pub(super) fn moves(&mut self) {
+        self.learns = true;
         self.stood = 0;
     }
 }
@@ -85,13 +88,14 @@ impl FrictionLearning {
                 0.0
             }
         };
-        let change = if intended.0 == 0.0 || anchored && memory.stood <= self.patience {
-            0.0
-        } else if memory.stood > self.patience {
-            self.rise
-        } else {
-            self.gain * along(found.0)
-        };
+        let change =
+            if !memory.learns || intended.0 == 0.0 || anchored && memory.stood <= self.patience {
+                0.0
+            } else if memory.stood > self.patience {
+                self.rise
+            } else {
+                self.gain * along(found.0)
+            };
         memory.friction = (memory.friction + change).max(0.0).min(self.most);
         Force(along(memory.friction))
     }
@@ -124,6 +128,7 @@ mod tests {
     #[test]
     fn it_rises_while_the_actuator_stands_and_no_further_than_friction_can_be() {
         let mut memory = Memory::new(Force(1.0));
+        memory.moves();
         let forces = [(); 9].map(|()| step(&mut memory, 0.0, 0.0, -1.0));
         let expected = [-1.0, -1.0, -1.0, -1.5, -2.0, -2.5, -3.0, -3.0, -3.0];
         assert_eq!(forces, expected);
@@ -137,6 +142,7 @@ mod tests {
     fn moving_it_comes_to_what_the_disturbance_leaves() {
         for direction in [1.0, -1.0] {
             let mut memory = Memory::new(Force(2.5));
+            memory.moves();
             let mut force = 0.0;
             for k in 0..200_i16 {
                 let found = 0.8 * direction - force;
@@ -149,6 +155,7 @@ mod tests {
     #[test]
     fn what_is_no_number_is_not_kept() {
         let mut memory = Memory::new(Force(1.0));
+        memory.moves();
         let force = step(&mut memory, 1.0, f32::NAN, 1.0);
         assert!((0.0..=3.0).contains(&force));
         assert!((0.0..=3.0).contains(&step(&mut memory, 2.0, 0.0, 1.0)));
