@@ -29,14 +29,7 @@ impl FrictionFeedForward {
     /// Force that friction takes at a velocity of the reference.
     #[must_use]
     pub fn step(&self, velocity: Velocity) -> Force {
-        let share = velocity.0 / self.smoothing;
-        let whole = if share > 1.0 {
-            1.0
-        } else if share < -1.0 {
-            -1.0
-        } else {
-            share
-        };
+        let whole = (velocity.0 / self.smoothing).clamp(-1.0, 1.0);
         Force(self.coulomb * whole + self.viscous * velocity.0)
     }
 

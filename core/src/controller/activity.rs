@@ -17,6 +17,10 @@ use crate::units::{Current, Force, Place, Velocity};
 
 /// A mode with its memory.
 #[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no heap to put the larger one on"
+)]
 pub(super) enum Activity<const N: usize, O: StateObserver<N>> {
     Idle,
     Commissioning(Commissioning),

@@ -71,14 +71,13 @@ impl FrictionLearning {
         intended: Velocity,
         urgent: bool,
     ) -> Force {
-        let anchored = if (error.0 - memory.anchor).abs() > self.stands {
+        let moved = (error.0 - memory.anchor).abs() > self.stands;
+        if moved {
             memory.anchor = error.0;
             memory.stood = 0;
-            false
         } else {
             memory.stood = memory.stood.saturating_add(u32::from(urgent));
-            true
-        };
+        }
         let along = |force: f32| {
             if intended.0 > 0.0 {
                 force
@@ -88,14 +87,15 @@ impl FrictionLearning {
                 0.0
             }
         };
-        let change =
-            if !memory.learns || intended.0 == 0.0 || anchored && memory.stood <= self.patience {
-                0.0
-            } else if memory.stood > self.patience {
-                self.rise
-            } else {
-                self.gain * along(found.0)
-            };
+        let change = if !memory.learns || intended.0 == 0.0 {
+            0.0
+        } else if moved {
+            self.gain * along(found.0)
+        } else if memory.stood > self.patience {
+            self.rise
+        } else {
+            0.0
+        };
         memory.friction = (memory.friction + change).max(0.0).min(self.most);
         Force(along(memory.friction))
     }

@@ -312,6 +312,11 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
     let poles = |poles: Vec<Complex<f64>>| -> Vec<[f64; 2]> {
         poles.iter().map(|pole| [pole.re, pole.im]).collect()
     };
+    // Of a refused design there may be none.
+    let moves = match moves_of(design) {
+        Err(error) if assessment.require_sound().is_ok() => return Err(error),
+        moves => moves.ok(),
+    };
     let observer = &design.observer;
     Ok(json!({
         "kind": design.drive.kind,
@@ -329,8 +334,7 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
         "observer_gain": observer.correction.as_slice(),
         "observer_poles": poles(design.observer_poles()?),
         "protection": Protection::new(design),
-        // Of a refused design there may be none.
-        "moves": moves_of(design).ok(),
+        "moves": moves,
         "modes": design.modes(),
         "distinct_eigenvalues": assessment.distinct_eigenvalues,
         "checks": assessment.checks,
