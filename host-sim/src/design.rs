@@ -67,8 +67,10 @@ pub struct Design {
 const SMOOTHING: f64 = 1e-3;
 /// How far ahead the drive looks for where the actuator wants to move: a share of the slowest mode's period.
 const INTENDED_IN: f64 = 0.16;
-/// Longest that friction is worked against after arrival: periods of the slowest mode, and s.
+/// Longest that friction is worked against after arrival: periods of the slowest mode, or time constants of the
+/// regulator where those are longer, and s.
 const SETTLING: f64 = 8.0;
+const TIME_CONSTANTS: f64 = 6.0;
 const LONGEST_SETTLING: f64 = 0.8;
 /// How fast the compensation follows where it follows slowly, over the slowest mode's frequency.
 const FOLLOWING: f64 = 3.0;
@@ -121,7 +123,7 @@ impl Design {
             riccati_residual: residual,
             observer,
             index,
-            motion: Motion::new(drive, &chain, &modes),
+            motion: Motion::new(drive, &chain, &modes, decay),
             plans: OnceLock::new(),
             chain,
             ad,
@@ -384,7 +386,9 @@ impl Motion {
     /// What the drive file leaves open follows from the drive. The velocity: what half the current gives the
     /// whole chain in one period of the slowest mode, or in 100 control periods, as far as the encoder's
     /// counter can follow.
-    fn new(drive: &Drive, chain: &Chain, modes: &[Mode]) -> Self {
+    ///
+    /// * `decay`: of the regulator's slowest pole, 1/s
+    fn new(drive: &Drive, chain: &Chain, modes: &[Mode], decay: f64) -> Self {
         let stated = &drive.motion;
         let sample_time = drive.control.sample_time;
         let slowest = modes.first().map_or(0.0, |mode| 1.0 / mode.frequency_hz);
@@ -405,7 +409,9 @@ impl Motion {
             settling_tolerance: stated
                 .settling_tolerance
                 .unwrap_or_else(|| settling_tolerance(resolution)),
-            settling: (SETTLING * slowest).min(LONGEST_SETTLING),
+            settling: (SETTLING * slowest)
+                .max(TIME_CONSTANTS / decay)
+                .min(LONGEST_SETTLING),
             most_friction: (MOST_FRICTION.0 * force).max(MOST_FRICTION.1 * drive.friction.coulomb),
         }
     }

@@ -28,13 +28,17 @@ pub struct FrictionLearning {
     pub patience: u32,
 }
 
+/// For how many times its patience an actuator stands that friction holds: one that turns round does not.
+const HELD: u32 = 4;
+
 /// What is kept from one period to the next.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Memory {
     friction: f32,
     /// Where the actuator was last seen to move, m.
     anchor: f32,
-    /// Whether there has been a planned move: after a raw step the disturbance shows more than friction.
+    /// Whether the disturbance shows friction: after a planned move, or once friction has held the actuator. A raw
+    /// step puts more into it.
     learns: bool,
     /// For how many periods it has been there though it was to move.
     stood: u32,
@@ -87,6 +91,7 @@ impl FrictionLearning {
                 0.0
             }
         };
+        memory.learns |= memory.stood > HELD.saturating_mul(self.patience);
         let change = if !memory.learns || intended.0 == 0.0 {
             0.0
         } else if moved {
