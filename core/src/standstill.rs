@@ -8,16 +8,18 @@
 //! reference moves --> settling --(quiet, or long enough)--> held
 //!                                                           ^  |  error beyond the tolerance
 //!                                                           |  v
-//!                                                       follows slowly
+//!                                                  pushed, follows slowly
 //! ```
 //!
 //! * *Settling*: friction is fed forward in the direction in which the actuator would soon move without it,
 //!   `v + τ dv/dt` of the frictionless closed loop; to the loop the machine then has none. How much there is, is
-//!   [learned](learning). What the disturbance state finds is compensated at once.
+//!   learned. What the disturbance state finds is compensated at once.
 //! * *Held*: no friction is fed forward, the compensation stays at what it was on average, and nothing in the loop
 //!   integrates.
-//! * *Follows slowly*: farther from the target than the tolerance; slowly enough that friction lets go of the
-//!   machine without a leap.
+//! * *Pushed*: farther from the target than the tolerance, where the feedback alone would take seconds to overcome
+//!   friction. A force towards the target rises from nothing while the actuator stands, so that friction lets go of
+//!   it without a leap, and ends within half the tolerance, where friction stops it at once. A machine without
+//!   friction does not stand and is not pushed; against what pushes it the compensation follows slowly.
 
 mod learning;
 
@@ -143,9 +145,12 @@ impl<const N: usize> Standstill<N> {
         if !memory.holds {
             memory.compensation += self.rate * (found.0 - memory.compensation);
         }
+        let push = self
+            .learning
+            .push(&mut memory.learning, difference.position, memory.holds);
         Rule {
             compensation: Force(memory.compensation),
-            friction: Force(0.0),
+            friction: push,
         }
     }
 

@@ -607,7 +607,9 @@ mod tests {
         own.motion = crate::drive::StatedMotion::default();
         let other = in_another_unit(&own, 10.0);
         let rows = [own, other].map(|drive| {
-            let design = Design::new(&drive).unwrap();
+            let mut design = Design::new(&drive).unwrap();
+            // That a machine is to be still after a second is a matter of seconds.
+            design.motion.settling = 800.0 * drive.control.sample_time;
             compare(&design, effort, &unwatched).unwrap().steps
         });
         let close = |what: &str, own: Option<f64>, other: Option<f64>, within: f64| {

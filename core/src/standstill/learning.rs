@@ -1,4 +1,5 @@
 //! How much friction there is, learned while the machine settles; what the drive file declares is the first guess.
+//! And, once it has settled, the push that overcomes it.
 //!
 //! ```text
 //! stands, though it must move:    F += rise
@@ -29,7 +30,7 @@ pub struct FrictionLearning {
 }
 
 /// For how many times its patience an actuator stands that friction holds: one that turns round does not.
-const HELD: u32 = 4;
+const HELD: u32 = 20;
 
 /// What is kept from one period to the next.
 #[derive(Clone, Copy, Debug, Default)]
@@ -42,6 +43,8 @@ pub(super) struct Memory {
     learns: bool,
     /// For how many periods it has been there though it was to move.
     stood: u32,
+    /// What pushes it to its target once settling has ended, N.
+    push: f32,
 }
 
 impl Memory {
@@ -75,13 +78,8 @@ impl FrictionLearning {
         intended: Velocity,
         urgent: bool,
     ) -> Force {
-        let moved = (error.0 - memory.anchor).abs() > self.stands;
-        if moved {
-            memory.anchor = error.0;
-            memory.stood = 0;
-        } else {
-            memory.stood = memory.stood.saturating_add(u32::from(urgent));
-        }
+        let moved = self.moved(memory, error, urgent);
+        memory.push = 0.0;
         let along = |force: f32| {
             if intended.0 > 0.0 {
                 force
@@ -103,6 +101,36 @@ impl FrictionLearning {
         };
         memory.friction = (memory.friction + change).max(0.0).min(self.most);
         Force(along(memory.friction))
+    }
+
+    /// One period of a machine that has settled and stands too far off: the force that takes it there. It rises from
+    /// nothing while the actuator stands, and ends with the error; friction then holds it where it is.
+    ///
+    /// * `error`: of the actuator from its reference, which rests
+    /// * `near`: whether it may stand there
+    pub(super) fn push(&self, memory: &mut Memory, error: Position, near: bool) -> Force {
+        let moved = self.moved(memory, error, true);
+        let over = memory.push * error.0 > 0.0;
+        if near || over {
+            memory.push = 0.0;
+            memory.stood = 0;
+        } else if !moved && memory.stood > self.patience {
+            let rise = if error.0 > 0.0 { -self.rise } else { self.rise };
+            memory.push = (memory.push + rise).max(-self.most).min(self.most);
+        }
+        Force(memory.push)
+    }
+
+    /// Whether the actuator has moved since it was last seen to.
+    fn moved(&self, memory: &mut Memory, error: Position, urgent: bool) -> bool {
+        let moved = (error.0 - memory.anchor).abs() > self.stands;
+        if moved {
+            memory.anchor = error.0;
+            memory.stood = 0;
+        } else {
+            memory.stood = memory.stood.saturating_add(u32::from(urgent));
+        }
+        moved
     }
 
     pub(super) fn check(&self) -> Result<(), SettingsError> {
@@ -140,6 +168,48 @@ mod tests {
         // Not to move: nothing is fed forward, and nothing is forgotten.
         assert_eq!(step(&mut memory, 0.0, 1.0, 0.0), 0.0);
         assert_eq!(step(&mut memory, 1.0, 0.0, 1.0), 3.0);
+    }
+
+    /// It needs more than the force that holds it, gets it, and is left alone where it may stand.
+    #[test]
+    fn what_stands_too_far_off_is_pushed_until_it_is_near() {
+        const HOLDS: f32 = 2.2;
+        for side in [1.0, -1.0] {
+            let mut memory = Memory::new(Force(0.0));
+            let mut error: f32 = 10e-6 * side;
+            let mut pushes = [0.0; 40];
+            for push in &mut pushes {
+                let near = error.abs() < 3e-6;
+                *push = LEARNING.push(&mut memory, Position(error), near).0 * side;
+                if push.abs() > HOLDS {
+                    error -= 2e-6 * side;
+                }
+            }
+            assert!(pushes.iter().all(|push| (-3.0..=0.0).contains(push)));
+            assert!(
+                pushes
+                    .windows(2)
+                    .all(|two| two[1] == 0.0 || two[0] - two[1] <= 0.5)
+            );
+            assert!(error.abs() < 3e-6, "{error}");
+            assert_eq!(pushes[39], 0.0);
+        }
+        // Beyond its target it is not pushed on, and what moves anyway is not pushed.
+        let mut memory = Memory::new(Force(0.0));
+        for k in 0..40_i16 {
+            let error = Position(10e-6 + 2e-6 * f32::from(k));
+            assert_eq!(LEARNING.push(&mut memory, error, false), Force(0.0));
+        }
+        let stands = [(); 9].map(|()| LEARNING.push(&mut memory, Position(1e-4), false).0);
+        assert!(stands[8] < 0.0);
+        assert_eq!(
+            LEARNING.push(&mut memory, Position(-1e-4), false),
+            Force(0.0)
+        );
+        assert_eq!(
+            LEARNING.push(&mut memory, Position(f32::NAN), false),
+            Force(0.0)
+        );
     }
 
     /// Too much is pulled back along the motion, whatever its direction.
