@@ -133,7 +133,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
                 protection,
                 (actuator, encoder, limits),
                 (*total_mass, *holding_force),
-                period,
+                (g_dist, period),
             ),
             disturbance: DisturbanceObserver::new(actuator, g_dist, period),
             reaction_force: ReactionForceObserver::new(actuator, g_dist, g_reac, period),

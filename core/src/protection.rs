@@ -157,13 +157,17 @@ pub(crate) struct Memory {
 impl<const N: usize> Protection<N> {
     /// * `total_mass`: of actuator and loads, kg
     /// * `holding_force`: what the motor carries, N
+    /// * `disturbance_cutoff`: 1/s
     /// * `sample_time`: s
     pub(crate) fn new(
         protection: &ProtectionLimits<N>,
         (actuator, encoder, limits): (&Actuator, &Encoder, &Limits),
         (total_mass, holding_force): (f32, f32),
-        sample_time: f32,
+        (disturbance_cutoff, sample_time): (f32, f32),
     ) -> Self {
+        // Of a motion by one count in one period, as the disturbance observer sees it.
+        let of_a_count =
+            actuator.actual_mass() * disturbance_cutoff * encoder.resolution / sample_time;
         Self {
             limits: protection.clone(),
             applied_current: applied_current::AppliedCurrent::new(limits),
@@ -175,7 +179,7 @@ impl<const N: usize> Protection<N> {
             stall: stall::Stall::new(
                 actuator.actual_force_constant(),
                 encoder.resolution,
-                protection.stiction,
+                (protection.stiction, of_a_count),
                 limits.current_limit,
                 total_mass,
                 sample_time,

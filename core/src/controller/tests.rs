@@ -895,7 +895,12 @@ fn changed_settings_are_found() {
             limits,
             ..
         } = &settings;
-        Protection::new(protection, (actuator, encoder, limits), (0.116, 0.0), 1e-3)
+        Protection::new(
+            protection,
+            (actuator, encoder, limits),
+            (0.116, 0.0),
+            (628.0, 1e-3),
+        )
     };
     let changes: [Change<'_>; 17] = [
         &|parts| parts.protection = protection(|settings| settings.protection.velocity = 1.0),

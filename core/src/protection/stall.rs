@@ -10,7 +10,7 @@
 //!
 //! How much friction there is has been seen while the signs were proven, in one place of the axis; elsewhere
 //! it may be three times that, and a few thousandths of the motor's force. The setting is the most that it
-//! can be.
+//! can be. A coarse encoder makes forces of its own: what a few counts look like proves nothing.
 
 use super::Trip;
 use crate::encoder::Reading;
@@ -22,6 +22,8 @@ const STILL: i64 = 2;
 /// What friction may be elsewhere: times what was seen, and as a share of the motor's force.
 const ELSEWHERE: f32 = 3.0;
 const SHARE: f32 = 0.005;
+/// Counts whose force is noise.
+const NOISE: f32 = 4.0;
 /// Periods that the motion takes to show, whatever the force.
 const PERIODS: u32 = 5;
 
@@ -32,6 +34,7 @@ pub(super) struct Stall {
     /// N
     most: f32,
     share: f32,
+    noise: f32,
     /// Periods in which 1 N moves the whole machine visibly, squared.
     visible: f32,
 }
@@ -49,13 +52,13 @@ pub(super) struct Memory {
 }
 
 impl Stall {
-    /// * `stiction`: N
+    /// * `stiction`, `of_a_count`: the most of it, and what one count looks like, N
     /// * `total_mass`: of actuator and loads, kg
     /// * `sample_time`: s
     pub(super) fn new(
         force_constant: f32,
         resolution: f32,
-        stiction: f32,
+        (stiction, of_a_count): (f32, f32),
         current_limit: f32,
         total_mass: f32,
         sample_time: f32,
@@ -64,6 +67,7 @@ impl Stall {
             force_constant,
             most: stiction,
             share: SHARE * force_constant * current_limit,
+            noise: NOISE * of_a_count,
             // Eight times as far as it takes to be seen: F t² / 2 M.
             visible: 16.0 * STILL as f32 * resolution * total_mass / (sample_time * sample_time),
         }
@@ -74,7 +78,7 @@ impl Stall {
     pub(super) fn begin(self, stiction: Option<f32>, holding_force: f32) -> Memory {
         let seen = stiction.map_or(self.most, |seen| ELSEWHERE * seen + self.share);
         let most = if seen < self.most { seen } else { self.most };
-        let limit = 2.0 * most;
+        let limit = (2.0 * most).max(self.noise);
         Memory {
             forces: [holding_force; 2],
             limit,
@@ -116,5 +120,33 @@ impl Stall {
             fault: Fault::Stalled,
             value: change,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Periods until it trips, of a second.
+    fn trips(of_a_count: f32, unexplained: f32) -> Option<usize> {
+        // 4.5 N, 10 um a count, 0.3 kg.
+        let stall = Stall::new(2.25, 10e-6, (0.14, of_a_count), 2.0, 0.3, 1e-3);
+        let mut memory = stall.begin(Some(0.0), 0.0);
+        let reading = Reading {
+            place: Place(0),
+            displacement: 0.0,
+            jump: false,
+        };
+        (0..1000).find(|_| Stall::step(&mut memory, &reading, [3.0, unexplained]).is_err())
+    }
+
+    #[test]
+    fn what_a_few_counts_look_like_proves_nothing() {
+        assert_eq!(trips(0.43, 1.5), None);
+        assert!(trips(0.43, 1.8).is_some_and(|periods| periods < 50));
+        // A finer encoder tells more.
+        assert!(trips(0.004, 1.5).is_some());
+        assert_eq!(trips(0.004, 0.04), None);
+        assert!(trips(0.004, 0.05).is_some());
     }
 }
