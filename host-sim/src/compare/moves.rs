@@ -155,7 +155,8 @@ pub fn with_friction(drive: &Drive) -> Drive {
 /// * `design`: of the drive [`with_friction`]
 ///
 /// # Errors
-/// [`Error::Design`] without plans, [`Error::Comparison`] when runs are too long or a rival cannot be formed.
+/// [`Error::Design`](crate::error::Error::Design) without plans,
+/// [`Error::Comparison`](crate::error::Error::Comparison) when runs are too long or a rival cannot be formed.
 pub fn campaign(
     design: &Design,
     friction_assumed: bool,

@@ -13,7 +13,7 @@
 //! carries the machine. Plans go to the distance at which a change of velocity to the velocity limit and back
 //! is as good, or to the travel.
 //!
-//! **Steps.** A step is as many control periods as the fastest mode can be seen with ([`PER_PERIOD`] a
+//! **Steps.** A step is as many control periods as the fastest mode can be seen with (`PER_PERIOD` a
 //! period), and as it takes to keep the table within its size.
 //!
 //! What friction takes is fed forward beside the plan, viscous friction as well, so plans are made for the
