@@ -153,6 +153,7 @@ pub static PLANS: Plans<'static> = Plans {
     ],
     change: Plan { first: 3550, knots: 64, reach: 1.989998, feed_forward: 2.9751713e-5, position: 1.4490849e-11, deflection: 3.5298413e-7 },
     run: 0.032882087,
+    checksum: 0x17d8eaf2,
     rows: &[
         31163, -70, 22156, 0, 0, 0,
         -32767, 6018, 1727, -5822, -5839, -5840,

@@ -57,7 +57,11 @@ pub struct Plans<'p> {
     /// Distance that the actuator covers in it, m per m/s.
     pub run: f32,
     /// All rows, word by word.
+    #[serde(skip)]
     pub rows: &'p [i16],
+    /// CRC-32 (ISO HDLC) of the rows, low byte first, from where they were made: the drive is known by its settings
+    /// in serialised form, and has no time at its start to serialise all rows.
+    pub checksum: u32,
 }
 
 impl Plans<'_> {

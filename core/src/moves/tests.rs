@@ -93,6 +93,7 @@ pub(crate) const RIGID: Plans<'static> = Plans {
     ),
     run: (0.5 * CHANGE as f64 * PERIOD) as f32,
     rows: &TABLE,
+    checksum: 0,
 };
 
 /// Moves of the rigid machine, and the machine itself under their current alone.

@@ -205,8 +205,9 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         "{I}],\n\
          {I}change: {:?},\n\
          {I}run: {:?},\n\
+         {I}checksum: {:#010x},\n\
          {I}rows: &[\n",
-        plans.change, plans.run
+        plans.change, plans.run, plans.checksum
     );
     for row in plans.rows.chunks(row_words(N)) {
         let words: Vec<String> = row.iter().map(|word| format!("{word},")).collect();

@@ -25,6 +25,7 @@ use crate::chain::transfer::{Kind, PathLimits, Prepared, Task};
 use crate::error::{Error, NoSolution, Result};
 use crate::linear::zoh::zero_order_hold;
 use arso_core::moves::plans::{Plan, Plans, row_words};
+use crc::{CRC_32_ISO_HDLC, Crc};
 use nalgebra::{DMatrix, DVector};
 
 /// What a move may take longer than the shortest possible one, beside one step: a share of it.
@@ -44,6 +45,7 @@ pub struct PlanTable {
     change: Plan,
     run: f32,
     rows: Vec<i16>,
+    checksum: u32,
     /// Largest loss of duration against the shortest possible move, as a share of it, from one step on.
     pub loss: f64,
 }
@@ -58,6 +60,7 @@ impl PlanTable {
             change: self.change,
             run: self.run,
             rows: &self.rows,
+            checksum: self.checksum,
         }
     }
 
@@ -323,7 +326,9 @@ impl<'a> Maker<'a> {
             }
         }
         let (change, run) = self.columns(change, Kind::Change, &mut rows);
+        let bytes: Vec<u8> = rows.iter().flat_map(|word| word.to_le_bytes()).collect();
         PlanTable {
+            checksum: Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes),
             stride,
             displacements,
             change,
