@@ -302,6 +302,7 @@ impl Design {
                 most: self.motion.most_friction as f32,
                 stands: (STANDS * self.drive.encoder.resolution) as f32,
                 patience: periods(STOOD * slowest),
+                standing: periods(self.motion.standing),
             },
         }
     }
@@ -366,6 +367,8 @@ pub struct Motion {
     pub settling_tolerance: f64,
     /// Longest that it may take to settle after its reference has come to rest, s.
     pub settling: f64,
+    /// How long the actuator must have stood after that to be pushed, s.
+    pub standing: f64,
     /// Most that Coulomb friction can be, N.
     pub most_friction: f64,
 }
@@ -412,6 +415,7 @@ impl Motion {
             settling: (SETTLING * slowest)
                 .max(TIME_CONSTANTS / decay)
                 .min(LONGEST_SETTLING),
+            standing: slowest.max(1.0 / decay),
             most_friction: (MOST_FRICTION.0 * force).max(MOST_FRICTION.1 * drive.friction.coulomb),
         }
     }

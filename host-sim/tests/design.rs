@@ -174,7 +174,7 @@ fn an_observer_of_placed_poles_is_as_fast_as_asked() {
 }
 
 /// The disturbance state takes friction for what it is; without it the observer puts the same force down
-/// to the load and leaves the load away from its target.
+/// to the load and leaves the load away from its target for long.
 #[test]
 fn without_the_disturbance_state_friction_is_taken_for_load() {
     let directory = tempfile::tempdir().unwrap();
@@ -194,8 +194,12 @@ fn without_the_disturbance_state_friction_is_taken_for_load() {
     );
     let error = |metrics: &Value| metrics["estimation_error"][2].as_f64().unwrap();
     assert!(error(&without) > 2.0 * error(&with), "{with} {without}");
-    assert!(with["settling_time"].as_f64().unwrap() < 0.2, "{with}");
-    assert!(without["settling_time"].is_null(), "{without}");
+    let settled = |metrics: &Value| metrics["settling_time"].as_f64();
+    let quick = settled(&with).unwrap();
+    assert!(quick < 0.2, "{with}");
+    // Only after the time it is given to settle is it pushed to its target.
+    let slow = settled(&without).unwrap_or(f64::INFINITY);
+    assert!(slow > 3.0 * quick, "{without}");
 }
 
 /// The plot of K(t), whole or not at all.

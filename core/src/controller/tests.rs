@@ -88,6 +88,7 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
                 most: 1.0,
                 stands: 1e-6,
                 patience: 3,
+                standing: 6,
             },
         },
         holding_force: 0.0,

@@ -27,10 +27,9 @@ pub struct FrictionLearning {
     pub stands: f32,
     /// Periods for which it is to move and has not, after which it does stand.
     pub patience: u32,
+    /// Periods for which it must stand, once settled, before it is pushed: a slow loop moves by less in a few.
+    pub standing: u32,
 }
-
-/// For how many times its patience an actuator stands that friction holds: one that turns round does not.
-const HELD: u32 = 20;
 
 /// What is kept from one period to the next.
 #[derive(Clone, Copy, Debug, Default)]
@@ -38,8 +37,7 @@ pub(super) struct Memory {
     friction: f32,
     /// Where the actuator was last seen to move, m.
     anchor: f32,
-    /// Whether the disturbance shows friction: after a planned move, or once friction has held the actuator. A raw
-    /// step puts more into it.
+    /// Whether there has been a planned move: after a raw step the disturbance shows more than friction.
     learns: bool,
     /// For how many periods it has been there though it was to move.
     stood: u32,
@@ -89,7 +87,6 @@ impl FrictionLearning {
                 0.0
             }
         };
-        memory.learns |= memory.stood > HELD.saturating_mul(self.patience);
         let change = if !memory.learns || intended.0 == 0.0 {
             0.0
         } else if moved {
@@ -111,10 +108,15 @@ impl FrictionLearning {
     pub(super) fn push(&self, memory: &mut Memory, error: Position, near: bool) -> Force {
         let moved = self.moved(memory, error, true);
         let over = memory.push * error.0 > 0.0;
+        let patience = if memory.push == 0.0 {
+            self.standing
+        } else {
+            self.patience
+        };
         if near || over {
             memory.push = 0.0;
             memory.stood = 0;
-        } else if !moved && memory.stood > self.patience {
+        } else if !moved && memory.stood > patience {
             let rise = if error.0 > 0.0 { -self.rise } else { self.rise };
             memory.push = (memory.push + rise).max(-self.most).min(self.most);
         }
@@ -151,6 +153,7 @@ mod tests {
         most: 3.0,
         stands: 1e-6,
         patience: 3,
+        standing: 6,
     };
 
     fn step(memory: &mut Memory, error: f32, found: f32, intended: f32) -> f32 {
