@@ -5,10 +5,10 @@
 //! | off | any | any | stop, within one control period; the zero switch then sets the position to zero |
 //! | on | on when run is closed | any | play the excitation once |
 //! | on | off | any | first: prove the signs (commissioning), then start |
-//! | on | | 0 | step to the origin |
-//! | on | | 1 | step to 30 mm |
-//! | on | | 2 | step to 15 mm |
-//! | on | | 3 | planned move to 30 mm |
+//! | on | | 0 | planned move to the origin |
+//! | on | | 1 | planned move to 30 mm |
+//! | on | | 2 | planned move to 15 mm |
+//! | on | | 3 | step to 30 mm, the paper's |
 //!
 //! After a reset nothing is asked until the run switch has been seen open: a drive whose supply or
 //! processor failed does not move by itself. The excite switch counts at the moment the run switch is
@@ -124,10 +124,10 @@ impl Switches {
 
     fn target(&self) -> Request {
         match self.target.settled {
-            Some(1) => Request::Step(GAINS.encoder.place(Position(0.03))),
-            Some(2) => Request::Step(GAINS.encoder.place(Position(0.015))),
-            Some(3) => Request::Move(GAINS.encoder.place(Position(0.03))),
-            _ => Request::Step(Place(0)),
+            Some(1) => Request::Move(GAINS.encoder.place(Position(0.03))),
+            Some(2) => Request::Move(GAINS.encoder.place(Position(0.015))),
+            Some(3) => Request::Step(GAINS.encoder.place(Position(0.03))),
+            _ => Request::Move(Place(0)),
         }
     }
 }

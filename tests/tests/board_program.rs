@@ -28,7 +28,7 @@ fn a_run_that_fails_says_so() {
         std::fs::write(&path, text).unwrap();
         path.display().to_string()
     };
-    let (code, error) = run(&["--scenario", "fig4"]);
+    let (code, error) = run(&["--scenario", "fig3"]);
     assert_eq!(code, Some(0), "{error}");
 
     let other = file("other.toml", &drive.replace("300.0", "310.0"));

@@ -2,7 +2,7 @@
 
 use arso_core::Mode;
 use arso_tests::virtual_board::image::Image;
-use arso_tests::virtual_board::rig::Period;
+use arso_tests::virtual_board::rig::{Period, Switches};
 use arso_tests::virtual_board::{Rig, Stop};
 use clap::Parser;
 use clap::builder::PossibleValuesParser;
@@ -34,7 +34,7 @@ struct Cli {
     #[arg(long, value_name = "PLANT.toml")]
     plant: Option<PathBuf>,
     /// The experiment.
-    #[arg(long, value_name = "NAME", default_value = "fig3", value_parser = scenario_names())]
+    #[arg(long, value_name = "NAME", default_value = "move", value_parser = scenario_names())]
     scenario: String,
     /// Control periods of the experiment.
     #[arg(long, default_value_t = 1200, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
@@ -54,7 +54,13 @@ struct Cli {
 }
 
 fn scenario_names() -> PossibleValuesParser {
-    PossibleValuesParser::new(SCENARIOS.iter().map(|scenario| scenario.name))
+    let asked_for = |scenario: &&Scenario| Switches::target_of(scenario).is_some();
+    PossibleValuesParser::new(
+        SCENARIOS
+            .iter()
+            .filter(asked_for)
+            .map(|scenario| scenario.name),
+    )
 }
 
 fn main() -> ExitCode {

@@ -82,6 +82,18 @@ impl Switches {
         }
     }
 
+    /// Which target switches ask for an experiment; there are some for planned moves, and for the step of 30 mm.
+    #[must_use]
+    pub fn target_of(scenario: &Scenario) -> Option<u32> {
+        match (scenario.approach, scenario.target) {
+            (_, 0.0) => Some(0),
+            (Approach::Move, 0.03) => Some(1),
+            (Approach::Move, 0.015) => Some(2),
+            (Approach::Step, 0.03) => Some(3),
+            _ => None,
+        }
+    }
+
     /// The drive is to play its excitation.
     #[must_use]
     pub fn excite() -> Self {
@@ -320,6 +332,9 @@ impl Rig {
     ///
     /// # Errors
     /// Whatever stops the firmware.
+    ///
+    /// # Panics
+    /// When no switches ask for the experiment, see [`Switches::target_of`].
     pub fn experiment(
         &mut self,
         scenario: &Scenario,
@@ -347,12 +362,7 @@ impl Rig {
         });
         self.periods(SETTLED)?;
         self.switches(Switches::default());
-        let target = match (scenario.approach, scenario.target) {
-            (Approach::Move, _) => 3,
-            (Approach::Step, 0.03) => 1,
-            (Approach::Step, 0.015) => 2,
-            (Approach::Step, _) => 0,
-        };
+        let target = Switches::target_of(scenario).expect("the switches ask for it");
         self.switches(Switches::run(target));
         // The period in which the drive starts; its target comes in the next.
         let mut waited = 0;
