@@ -64,7 +64,7 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
     limits: Limits { current_limit: 2.0, current_resolution: 0.001 }, // A
     total_mass: 0.116, // kg
     friction: FrictionFeedForward { coulomb: 0.0, viscous: 0.0, smoothing: 0.002 }, // N, m/s
-    standstill: Standstill { tolerance: 5e-5, settling: 670, quiet: 84, least_velocity: 0.00037499066, intention: Regulator { actuator: MassGain { position: 154.92737, velocity: 0.67618394 }, loads: [MassGain { position: -106.954735, velocity: 0.059758734 }, MassGain { position: -10.082155, velocity: 0.23097219 }, MassGain { position: 3.22721, velocity: 0.31069425 }] }, rate: 0.03580897, averaging: 0.011936324, urgent: 0.0037499066, learning: FrictionLearning { gain: 0.011936324, rise: 0.0030700224, most: 0.643, stands: 1.5e-6, patience: 4, standing: 101 } }, // m, periods
+    standstill: Standstill { tolerance: 5e-5, settling: 670, quiet: 84, least_velocity: 0.00037499066, intention: Regulator { actuator: MassGain { position: 154.92737, velocity: 0.67618394 }, loads: [MassGain { position: -106.954735, velocity: 0.059758734 }, MassGain { position: -10.082155, velocity: 0.23097219 }, MassGain { position: 3.22721, velocity: 0.31069425 }] }, rate: 0.03580897, averaging: 0.011936324, urgent: 0.0037499066, learning: FrictionLearning { gain: 0.011936324, rise: 0.00063773466, push: 0.0025509386, most: 0.643, stands: 1.5e-6, patience: 4, standing: 101 } }, // m, periods
     holding_force: 0.0, // N
     protection: ProtectionLimits {
         encoder_step: 0.000116473406, // m

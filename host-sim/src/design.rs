@@ -74,11 +74,12 @@ const TIME_CONSTANTS: f64 = 6.0;
 const LONGEST_SETTLING: f64 = 0.8;
 /// How fast the compensation follows where it follows slowly, over the slowest mode's frequency.
 const FOLLOWING: f64 = 3.0;
-/// How fast friction is learned from the disturbance, over the slowest mode's frequency; how fast it rises while the
-/// actuator stands, share of the motor's force in a period of that mode; and the most that it can be: share of the motor's
-/// force, and times what is declared.
+/// How fast friction is learned from the disturbance, over the slowest mode's frequency; shares of the motor's force
+/// by which it rises while the actuator stands, and the push of one that has settled, in the time for which that one
+/// must stand; and the most that friction can be: share of the motor's force, and times what is declared.
 const LEARNING: f64 = 1.0;
-const RISING: f64 = 0.02;
+const RISING: f64 = 0.005;
+const PUSHING: f64 = 0.02;
 const MOST_FRICTION: (f64, f64) = (0.05, 2.0);
 /// Counts within which the actuator stands, and after which share of the slowest mode's period it does.
 const STANDS: f64 = 1.5;
@@ -283,6 +284,7 @@ impl Design {
         };
         let tolerance = self.motion.settling_tolerance;
         let force = self.drive.actuator.largest_force();
+        let rise = force * period / self.motion.standing;
         let swing = tolerance * std::f64::consts::TAU / slowest;
         Standstill {
             tolerance: tolerance as f32,
@@ -298,7 +300,8 @@ impl Design {
             averaging: (period / slowest).min(1.0) as f32,
             learning: FrictionLearning {
                 gain: (LEARNING * period / slowest).min(1.0) as f32,
-                rise: (RISING * force * (period / slowest).min(1.0)) as f32,
+                rise: (RISING * rise) as f32,
+                push: (PUSHING * rise) as f32,
                 most: self.motion.most_friction as f32,
                 stands: (STANDS * self.drive.encoder.resolution) as f32,
                 patience: periods(STOOD * slowest),

@@ -85,6 +85,7 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
             learning: crate::standstill::FrictionLearning {
                 gain: 0.0,
                 rise: 0.0,
+                push: 0.0,
                 most: 1.0,
                 stands: 1e-6,
                 patience: 3,

@@ -21,6 +21,8 @@ pub struct FrictionLearning {
     pub gain: f32,
     /// By which the force rises in a period in which the actuator stands, N.
     pub rise: f32,
+    /// The same of the push that takes it to its target once settled, N.
+    pub push: f32,
     /// Most that friction can be, N.
     pub most: f32,
     /// Within which the actuator stands, m.
@@ -117,7 +119,7 @@ impl FrictionLearning {
             memory.push = 0.0;
             memory.stood = 0;
         } else if !moved && memory.stood > patience {
-            let rise = if error.0 > 0.0 { -self.rise } else { self.rise };
+            let rise = if error.0 > 0.0 { -self.push } else { self.push };
             memory.push = (memory.push + rise).max(-self.most).min(self.most);
         }
         Force(memory.push)
@@ -138,6 +140,7 @@ impl FrictionLearning {
     pub(super) fn check(&self) -> Result<(), SettingsError> {
         not_negative("standstill.learning.gain", self.gain)?;
         not_negative("standstill.learning.rise", self.rise)?;
+        not_negative("standstill.learning.push", self.push)?;
         not_negative("standstill.learning.most", self.most)?;
         not_negative("standstill.learning.stands", self.stands)
     }
@@ -150,6 +153,7 @@ mod tests {
     const LEARNING: FrictionLearning = FrictionLearning {
         gain: 0.1,
         rise: 0.5,
+        push: 0.5,
         most: 3.0,
         stands: 1e-6,
         patience: 3,
