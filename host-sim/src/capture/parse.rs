@@ -4,7 +4,8 @@
 //! damaged one and never another record.
 
 use super::Origin;
-use crate::simulate::corridor::{CHECKSUM, Record};
+use crate::design::plans::CHECKSUM;
+use crate::simulate::corridor::Record;
 use arso_core::Identity;
 use serde::de::DeserializeOwned;
 

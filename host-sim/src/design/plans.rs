@@ -28,6 +28,9 @@ use arso_core::moves::plans::{Plan, Plans, row_words};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use nalgebra::{DMatrix, DVector};
 
+/// Checksum of the rows, and of what the firmware logs in serialised form.
+pub const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
 /// What a move may take longer than the shortest possible one, beside one step: a share of it.
 pub const LOSS: f64 = 0.03;
 /// Steps in a period of the fastest mode, at least.
@@ -328,7 +331,7 @@ impl<'a> Maker<'a> {
         let (change, run) = self.columns(change, Kind::Change, &mut rows);
         let bytes: Vec<u8> = rows.iter().flat_map(|word| word.to_le_bytes()).collect();
         PlanTable {
-            checksum: Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes),
+            checksum: CHECKSUM.checksum(&bytes),
             stride,
             displacements,
             change,

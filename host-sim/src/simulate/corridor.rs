@@ -4,7 +4,7 @@
 //! is instantiated once and hidden behind [`Corridor`]. What runs is the core of the firmware,
 //! `f32` and all.
 
-use crate::design::plans::PlanTable;
+use crate::design::plans::{CHECKSUM, PlanTable};
 use crate::design::{Design, gains_file::gains_file};
 use crate::drive::{MAX_LOADS, Observer};
 use crate::error::{self, Error};
@@ -12,7 +12,6 @@ use arso_core::observer::{Anchored, LinearObserver, Reaction, StateObserver};
 use arso_core::{
     Command, Controller, Excitation, Measurement, Refusal, Request, SettingsError, Telemetry,
 };
-use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::Serialize;
 
 /// A control core of any size.
@@ -121,9 +120,6 @@ pub fn gains_source(design: &Design, origin: &str) -> error::Result<String> {
     let plans = design.plans()?;
     Ok(with_sizes!(gains_file(design, origin, plans)))
 }
-
-/// Checksum of what the firmware logs in serialised form.
-pub const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Checksum of a design's settings in their serialised form: what the firmware says of itself in its log.
 ///

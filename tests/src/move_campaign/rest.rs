@@ -1,7 +1,9 @@
 //! Whether drives with friction, coarse encoders and wrong models come to rest where they ought to.
 //!
-//! *Drives*: weights as derived, nothing that the check `stillness` warns of; 1 to 3 loads that weigh from a fifth to six times the actuator, modes from 4 Hz on, 2,000 to 30,000
-//! counts in a move of 30 mm (both cutoffs as low as the check of the encoder asks for), Coulomb friction of 0.5 to 5 % of the motor's force, of which 0 to 200 % is fed forward.
+//! *Drives*: weights as derived, nothing that the check `stillness` warns of; 1 to 3 loads that weigh from a
+//! fifth to six times the actuator, modes from 4 Hz on, 2,000 to 30,000 counts in a move of 30 mm (both cutoffs
+//! as low as the check of the encoder asks for), Coulomb friction of 0.5 to 5 % of the motor's force, of which 0
+//! to 200 % is fed forward.
 //! *Plants*: the default drive with springs +-30 %, last load 0 to +50 %, force constant +-10 % and friction
 //! up to 1.6 % of the motor's force, fed forward in the same way.
 //!
