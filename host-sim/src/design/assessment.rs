@@ -1,9 +1,11 @@
 //! The assessment of a design: checks, margins and the gain over the time to go, together.
 
+use super::Design;
 use super::checks::{
     Check, OBSERVER_SPEED, Verdict, checks, closed_loop, of_margins, what_changes_its_speed,
 };
-use super::{Design, loop_margins};
+use super::drive_loop::Compensation;
+use super::loop_margins::{self, LoopMargins};
 use crate::chain::hamiltonian;
 use crate::error::{Error, Result};
 use crate::linear::eigen::{eigenvalues, separation};
@@ -19,8 +21,10 @@ pub struct Assessment {
     pub distinct_eigenvalues: bool,
     /// The checks.
     pub checks: Vec<Check>,
-    /// Margins of the drive's loop; none when it is not stable.
+    /// Margins of the drive's loop while the compensation follows; none when it is not stable.
     pub margins: Option<Margins>,
+    /// The same while it is held, at rest.
+    pub margins_held: Option<Margins>,
     /// Margins with feedback of the true state.
     pub margins_full_state: Margins,
     /// Gain over the time to go, eq. (14); nothing where it cannot be computed.
@@ -64,7 +68,8 @@ impl Assessment {
         Ok(Self {
             distinct_eigenvalues: separation(&eigenvalues(&design.chain.a())?) > 1e-6,
             checks,
-            margins,
+            margins: margins.as_ref().map(|margins| margins.following.clone()),
+            margins_held: margins.map(|margins| margins.held),
             margins_full_state: loop_margins::of_full_state(design)?,
             finite_horizon,
             finite_horizon_failure: failure,
@@ -79,7 +84,7 @@ impl Assessment {
 }
 
 /// The checks, those of the loop among them, and the margins of the drive's loop where it is stable.
-pub(super) fn judged(design: &Design) -> Result<(Vec<Check>, Option<Margins>)> {
+pub(super) fn judged(design: &Design) -> Result<(Vec<Check>, Option<LoopMargins>)> {
     judged_by(design, loop_margins::of_drive)
 }
 
@@ -90,12 +95,14 @@ pub(super) fn at_first_look(design: &Design) -> Result<Vec<Check>> {
 
 fn judged_by(
     design: &Design,
-    margins: impl Fn(&Design) -> Result<Margins>,
-) -> Result<(Vec<Check>, Option<Margins>)> {
+    margins: impl Fn(&Design, Compensation) -> Result<Margins>,
+) -> Result<(Vec<Check>, Option<LoopMargins>)> {
     let mut checks = checks(design)?;
     let closed_loop = closed_loop(design)?;
     let stable = closed_loop.verdict != Verdict::Refuse;
-    let margins = stable.then(|| margins(design)).transpose()?;
+    let margins = stable
+        .then(|| LoopMargins::new(design, margins))
+        .transpose()?;
     checks.push(closed_loop);
     checks.extend(margins.iter().flat_map(of_margins));
     Ok((checks, margins))

@@ -19,6 +19,15 @@ use arso_core::reaction_force::{self, ReactionForceObserver};
 use arso_core::units::Current;
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 
+/// What the rule for rest does with the disturbance that the observer finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Compensation {
+    /// It is compensated at once: while the drive moves and settles.
+    Follows,
+    /// The compensation is held, and nothing in the loop integrates: at rest.
+    Held,
+}
+
 /// The drive as `s⁺ = A s + b x_a`, `i = c s + d x_a`.
 #[derive(Clone, Debug)]
 pub struct DriveLoop {
@@ -38,15 +47,16 @@ const OBSERVER: usize = FORCES + 8;
 impl DriveLoop {
     /// The drive of a design.
     #[must_use]
-    pub fn new(design: &Design) -> Self {
+    pub fn new(design: &Design, compensation: Compensation) -> Self {
+        let step = |memory: &DVector<f64>, position| step(design, compensation, memory, position);
         let n = OBSERVER + design.observer.input.len();
         let mut transition = DMatrix::zeros(n, n);
         for column in 0..n {
             let mut memory = DVector::zeros(n);
             memory[column] = 1.0;
-            transition.set_column(column, &step(design, &memory, 0.0));
+            transition.set_column(column, &step(&memory, 0.0));
         }
-        let input = step(design, &DVector::zeros(n), 1.0);
+        let input = step(&DVector::zeros(n), 1.0);
         // The command is part of the new memory.
         Self {
             output: transition.row(COMMAND).into_owned(),
@@ -107,7 +117,12 @@ fn force_observers(design: &Design) -> (DisturbanceObserver<f64>, ReactionForceO
 }
 
 /// One control period without limits and reference: the new memory.
-fn step(design: &Design, memory: &DVector<f64>, position: f64) -> DVector<f64> {
+fn step(
+    design: &Design,
+    compensation: Compensation,
+    memory: &DVector<f64>,
+    position: f64,
+) -> DVector<f64> {
     let (disturbance_observer, reaction_force_observer) = force_observers(design);
     let m = |element: usize| memory[FORCES + element];
     let mut of_disturbance = disturbance::Memory {
@@ -136,8 +151,12 @@ fn step(design: &Design, memory: &DVector<f64>, position: f64) -> DVector<f64> {
     state.axpy(innovation, &observer.correction, 1.0);
 
     let (motion, found) = variant.estimate(&state, [position, disturbance.velocity.0]);
-    let command =
-        found / design.drive.actuator.actual_force_constant() - (&design.regulator * motion).x;
+    let compensated = match compensation {
+        Compensation::Follows => found,
+        Compensation::Held => 0.0,
+    };
+    let command = compensated / design.drive.actuator.actual_force_constant()
+        - (&design.regulator * motion).x;
 
     let disturbance::Memory {
         motor_force,

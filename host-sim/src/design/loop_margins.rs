@@ -6,31 +6,63 @@
 //! answer to it.
 
 use super::Design;
-use super::drive_loop::DriveLoop;
+use super::drive_loop::{Compensation, DriveLoop};
 use crate::error::Result;
 use crate::linear::margins::Margins;
 use nalgebra::{Complex, DMatrix, DVector};
 
 type C = Complex<f64>;
 
+/// Of the drive's own loop in both states that the rule for rest knows.
+#[derive(Clone, Debug)]
+pub struct LoopMargins {
+    /// While the compensation follows.
+    pub following: Margins,
+    /// While it is held.
+    pub held: Margins,
+}
+
+impl LoopMargins {
+    /// * `of`: [`of_drive`] or [`of_drive_at_first_look`]
+    ///
+    /// # Errors
+    /// As these.
+    pub(in crate::design) fn new(
+        design: &Design,
+        of: impl Fn(&Design, Compensation) -> Result<Margins>,
+    ) -> Result<Self> {
+        Ok(Self {
+            following: of(design, Compensation::Follows)?,
+            held: of(design, Compensation::Held)?,
+        })
+    }
+
+    /// Additional delay that destabilises, s; the less of both.
+    pub(in crate::design) fn delay(&self) -> Option<f64> {
+        let delays = [&self.following, &self.held].map(|margins| margins.delay_margin);
+        delays.into_iter().flatten().reduce(f64::min)
+    }
+}
+
 /// Of the drive's own loop, observers included.
 ///
 /// # Errors
 /// [`Error::Design`](crate::error::Error::Design) when the response cannot be computed.
-pub fn of_drive(design: &Design) -> Result<Margins> {
-    let drive = DriveLoop::new(design);
-    of(design, Look::Close, |z, plant| {
-        drive.response(z).map(|response| response * plant[0])
-    })
+pub fn of_drive(design: &Design, compensation: Compensation) -> Result<Margins> {
+    of_drive_looked_at(design, compensation, Look::Close)
 }
 
 /// A first look at the same, see [`Margins::coarse`].
 ///
 /// # Errors
 /// As [`of_drive`].
-pub fn of_drive_at_first_look(design: &Design) -> Result<Margins> {
-    let drive = DriveLoop::new(design);
-    of(design, Look::First, |z, plant| {
+pub fn of_drive_at_first_look(design: &Design, compensation: Compensation) -> Result<Margins> {
+    of_drive_looked_at(design, compensation, Look::First)
+}
+
+fn of_drive_looked_at(design: &Design, compensation: Compensation, look: Look) -> Result<Margins> {
+    let drive = DriveLoop::new(design, compensation);
+    of(design, look, |z, plant| {
         drive.response(z).map(|response| response * plant[0])
     })
 }
@@ -129,7 +161,7 @@ mod tests {
         use crate::simulate::scenario::Scenario;
         use crate::simulate::{Law, simulate};
         let design = design();
-        let margins = of_drive(&design).unwrap();
+        let margins = of_drive(&design, Compensation::Follows).unwrap();
         println!("{margins:?}");
         let margin = margins.gain_margin_db.unwrap();
         let swing = |factor: f64| {
@@ -148,5 +180,47 @@ mod tests {
         println!("{below:?} {above:?}");
         assert!(below[1] < 0.7 * below[0], "{below:?}");
         assert!(above[1] > 0.95 * above[0] && above[1] > 1e-3, "{above:?}");
+    }
+
+    /// The same of a drive at rest, whose compensation is held: a push on it decays or grows.
+    #[test]
+    fn the_simulated_drive_at_rest_agrees_with_its_gain_margin() {
+        use crate::drive::PlantFile;
+        use crate::machine::ExternalForce;
+        use crate::simulate::scenario::Scenario;
+        use crate::simulate::{Law, simulate};
+        // Nothing but the push moves it.
+        let mut drive = Drive::default_drive();
+        drive.encoder.resolution = 1e-8;
+        drive.encoder.counter_bits = 32;
+        drive.actuator.current_resolution = 0.0;
+        let design = Design::new(&drive).unwrap();
+        let [follows, held] = [Compensation::Follows, Compensation::Held].map(|compensation| {
+            let margins = of_drive(&design, compensation).unwrap();
+            margins.gain_margin_db.unwrap()
+        });
+        assert!(held < follows, "{held} {follows}");
+        let swing = |factor: f64| {
+            let mut plant = PlantFile::from(&design.drive);
+            plant.actuator.force_constant *= factor * 10_f64.powf(held / 20.0);
+            plant.forces.push(ExternalForce {
+                mass: 0,
+                start: 1.6,
+                duration: 2e-3,
+                newton: 0.05,
+            });
+            let scenario = Scenario::named("fig4").unwrap();
+            let run = simulate(&design, &plant, scenario, Law::Core, 2.2).unwrap();
+            [1610..1800, 1800..2200].map(|part| {
+                let positions = run.samples[part].iter().map(|sample| sample.truth[0]);
+                let ends = (f64::MAX, f64::MIN);
+                let (low, high) = positions.fold(ends, |(l, h), x| (l.min(x), h.max(x)));
+                high - low
+            })
+        };
+        let (below, above) = (swing(0.95), swing(1.05));
+        println!("{below:?} {above:?}");
+        assert!(below[1] < 0.7 * below[0], "{below:?}");
+        assert!(above[1] > 1.3 * above[0], "{above:?}");
     }
 }

@@ -10,8 +10,10 @@
 //! distance that one step less would reach, which leaves it room to be smooth.
 //!
 //! **Limits.** The current is `share` of the drive's, less what friction takes at the velocity limit and what
-//! carries the machine. Plans go to the distance at which a change of velocity to the velocity limit and back
-//! is as good, or to the travel.
+//! carries the machine. Plans go to the travel, or as far as the table has room, but at least to where a change of
+//! velocity to the velocity limit and back no longer overlap. Beyond, the drive cruises between such a pair. The
+//! shortest move would swing while it cruises and end when that swing helps it to brake, so what the pair loses
+//! rises and falls with the distance: [`PlanTable::cruise_loss`] says how much it is at the first such distance.
 //!
 //! **Steps.** A step is as many control periods as the fastest mode can be seen with (`PER_PERIOD` a
 //! period), and as it takes to keep the table within its size.
@@ -51,6 +53,9 @@ pub struct PlanTable {
     checksum: u32,
     /// Largest loss of duration against the shortest possible move, as a share of it, from one step on.
     pub loss: f64,
+    /// What a move just beyond the plans loses, with a cruise between two changes of velocity, as a share; none where
+    /// there is no such move.
+    pub cruise_loss: Option<f64>,
 }
 
 impl PlanTable {
@@ -84,10 +89,20 @@ impl PlanTable {
         if let Some(plan) = displacement {
             return f64::from(plan.knots) * stride;
         }
-        let change = f64::from(self.change.knots) * stride;
-        let cruise = distance.abs() / (f64::from(self.change.reach) * sample_time);
-        cruise.ceil().max(change) + change
+        cruising(
+            distance,
+            f64::from(self.change.reach) * sample_time,
+            f64::from(self.change.knots) * stride,
+        )
     }
+}
+
+/// Duration of a move by a change of velocity and the opposite one, which do not overlap; control periods.
+///
+/// * `displacement`: in a period of the cruise
+/// * `change`: duration of one
+fn cruising(distance: f64, displacement: f64, change: f64) -> f64 {
+    (distance.abs() / displacement).ceil().max(change) + change
 }
 
 /// The limits that plans keep.
@@ -126,6 +141,16 @@ struct Made {
     reach: f64,
 }
 
+/// Which plans there are to be.
+struct Grid {
+    /// Durations in steps, and the distance each is made for.
+    plans: Vec<(usize, f64)>,
+    /// That they take.
+    bytes: usize,
+    /// See [`PlanTable::cruise_loss`].
+    cruise_loss: Option<f64>,
+}
+
 /// What all plans of a drive are made from.
 struct Maker<'a> {
     design: &'a Design,
@@ -148,14 +173,15 @@ pub fn plan_table(design: &Design) -> Result<PlanTable> {
     let mut stride = (1.0 / (PER_PERIOD * fastest * period))
         .floor()
         .clamp(1.0, 1e4) as u16;
-    let rows = design.motion.table / (size_of::<i16>() * row_words(design.loads()));
+    let row = size_of::<i16>() * row_words(design.loads());
     let mut loss = LOSS;
     loop {
         let maker = Maker::new(design, limits.clone(), f64::from(stride) * period)?;
         let change = maker.change()?;
-        let grid = maker.grid(&change, loss)?;
-        let needed: usize = grid.iter().map(|(steps, _)| steps).sum();
-        if needed + change.currents.len() <= rows {
+        let change_bytes = change.currents.len() * row + size_of::<Plan>();
+        let room = design.motion.table.saturating_sub(change_bytes);
+        let grid = maker.grid(&change, loss, (room, stride))?;
+        if grid.bytes <= room {
             return Ok(maker.table(stride, &grid, &change));
         }
         // A coarser grid costs less than coarser steps, up to a point.
@@ -274,16 +300,33 @@ impl<'a> Maker<'a> {
         self.made(Kind::Change, steps, NEARLY * limit)
     }
 
-    /// Durations in steps, and the distance each plan is made for.
-    fn grid(&self, change: &Made, loss: f64) -> Result<Vec<(usize, f64)>> {
+    /// Which plans there are to be.
+    ///
+    /// * `room`: bytes that the table has for them
+    /// * `stride`: control periods of a step
+    fn grid(&self, change: &Made, loss: f64, (room, stride): (usize, u16)) -> Result<Grid> {
         let drive = &self.design.drive;
-        let cruise = change.reach * change.currents.len() as f64 * self.step;
-        let travel = drive.protection.travel.map(|[low, high]| high - low);
-        let last = cruise.min(travel.unwrap_or(f64::INFINITY));
+        let change_steps = change.currents.len() as f64;
+        let overlapping = change.reach * change_steps * self.step;
+        let stride = f64::from(stride);
+        let cruising = |distance: f64| {
+            let displacement = change.reach * self.step / stride;
+            cruising(distance, displacement, change_steps * stride) / stride
+        };
+        let travel = drive.protection.travel;
+        let travel = travel.map_or(f64::INFINITY, |[low, high]| high - low);
         let count = drive.encoder.resolution;
-        let mut grid: Vec<(usize, f64)> = Vec::new();
+        let mut plans: Vec<(usize, f64)> = Vec::new();
+        let row = size_of::<i16>() * row_words(self.design.loads());
+        let needed = |steps: usize| steps * row + size_of::<Plan>();
+        let (mut bytes, mut cruise_loss) = (0, None);
         let mut steps = self.design.chain.states();
-        while grid.last().is_none_or(|(_, distance)| *distance < last) {
+        loop {
+            let farthest = plans.last().map_or(0.0, |(_, farthest)| *farthest);
+            let fits = bytes + needed(steps) <= room && steps <= LONGEST;
+            if farthest >= travel || (farthest >= overlapping && !fits) {
+                break;
+            }
             if steps > LONGEST {
                 return Err(Error::Design(format!(
                     "no planned move of {LONGEST} steps of {:.2e} s gets as far as its limits would have it",
@@ -296,22 +339,29 @@ impl<'a> Maker<'a> {
             if let Ok(distance) = distance
                 && distance >= count
             {
-                grid.push((steps, distance));
+                plans.push((steps, distance));
+                bytes += needed(steps);
+                cruise_loss = Some(cruising(distance) / (steps - own) as f64 - 1.0);
                 let room = (1.0 + loss * steps as f64).floor() as usize;
                 steps += room.saturating_sub(own).max(1);
             } else {
                 steps += 1;
             }
         }
-        Ok(grid)
+        let cruises = plans.last().is_none_or(|(_, farthest)| *farthest < travel);
+        Ok(Grid {
+            plans,
+            bytes,
+            cruise_loss: cruise_loss.filter(|_| cruises),
+        })
     }
 
-    fn table(&self, stride: u16, grid: &[(usize, f64)], change: &Made) -> PlanTable {
+    fn table(&self, stride: u16, grid: &Grid, change: &Made) -> PlanTable {
         let mut rows = Vec::new();
         let mut displacements: Vec<Plan> = Vec::new();
         let mut loss = 0.0_f64;
         let mut shortest = None;
-        for (steps, distance) in grid {
+        for (steps, distance) in &grid.plans {
             // Without it the next one serves.
             let Ok(made) = self.made(Kind::Displacement, *steps, *distance) else {
                 continue;
@@ -338,6 +388,7 @@ impl<'a> Maker<'a> {
             run: run as f32,
             rows,
             loss,
+            cruise_loss: grid.cruise_loss,
         }
     }
 

@@ -139,7 +139,15 @@ pub fn moves(design: &Design) -> Result<String> {
     let units = design.drive.kind.units();
     let milliseconds = |time: f64| format!("{:.1}", 1e3 * time);
     let mut table = table(&["planned moves", "value", "unit"]);
-    for (name, value, unit) in [
+    let cruising = format!(
+        "the same just beyond {} {}, where it cruises",
+        significant(1e3 * moves.farthest_plan, 3),
+        units.milli_position
+    );
+    let cruise_loss = moves
+        .cruise_loss
+        .map(|loss| (&*cruising, format!("{:.1}", 100.0 * loss), "%"));
+    let rows = [
         (
             "plans, and a change of velocity",
             moves.plans.to_string(),
@@ -151,6 +159,8 @@ pub fn moves(design: &Design) -> Result<String> {
             format!("{:.1}", 100.0 * moves.loss),
             "%",
         ),
+    ];
+    let rest = [
         ("step of the plans", milliseconds(moves.step), "ms"),
         (
             "velocity limit",
@@ -171,7 +181,8 @@ pub fn moves(design: &Design) -> Result<String> {
             moves.bound.map_or("-".into(), milliseconds),
             "ms",
         ),
-    ] {
+    ];
+    for (name, value, unit) in rows.into_iter().chain(cruise_loss).chain(rest) {
         table.add_row([Cell::new(name), right(value), Cell::new(unit)]);
     }
     Ok(format!("{table}\n"))
@@ -185,6 +196,10 @@ struct MovesSummary {
     bytes: usize,
     /// See [`PlanTable::loss`](crate::design::plans::PlanTable::loss).
     loss: f64,
+    /// How far the longest plan reaches, m.
+    farthest_plan: f64,
+    /// See [`PlanTable::cruise_loss`](crate::design::plans::PlanTable::cruise_loss).
+    cruise_loss: Option<f64>,
     /// s.
     step: f64,
     /// m/s.
@@ -208,6 +223,11 @@ fn moves_of(design: &Design) -> Result<MovesSummary> {
         plans: plans.displacements.len(),
         bytes: table.bytes(),
         loss: table.loss,
+        farthest_plan: plans
+            .displacements
+            .last()
+            .map_or(0.0, |plan| plan.reach.into()),
+        cruise_loss: table.cruise_loss,
         step: f64::from(plans.stride) * period,
         velocity: design.motion.velocity,
         distance: example.target,
@@ -254,6 +274,7 @@ pub fn assessment(assessment: &Assessment) -> String {
     ]);
     for (name, m) in [
         ("drive", assessment.margins.as_ref()),
+        ("drive, held at rest", assessment.margins_held.as_ref()),
         ("full state", Some(&assessment.margins_full_state)),
     ] {
         let Some(m) = m else {
@@ -339,6 +360,7 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
         "distinct_eigenvalues": assessment.distinct_eigenvalues,
         "checks": assessment.checks,
         "margins": assessment.margins,
+        "margins_held": assessment.margins_held,
         "margins_full_state": assessment.margins_full_state,
         "finite_horizon": assessment.finite_horizon,
         "finite_horizon_failure": assessment.finite_horizon_failure,

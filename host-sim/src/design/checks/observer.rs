@@ -1,6 +1,7 @@
 //! How fast the observer is: against the regulator, against the noise, and what would change it.
 
 use super::{Check, Design, Verdict, stability, verdict};
+use crate::design::drive_loop::Compensation;
 use crate::design::loop_margins;
 use crate::drive::{ObserverMethod, ObserverSettings};
 use crate::error::Result;
@@ -70,7 +71,7 @@ pub(in crate::design) fn what_changes_its_speed(design: &Design) -> Result<Strin
         let peak = if stability::closed_loop(&changed)?.verdict == Verdict::Refuse {
             "an unstable loop".to_owned()
         } else {
-            let margins = loop_margins::of_drive(&changed)?;
+            let margins = loop_margins::of_drive(&changed, Compensation::Follows)?;
             format!(
                 "peak sensitivity {}",
                 significant(margins.peak_sensitivity, 2)

@@ -1,18 +1,23 @@
 //! The drive's own loop: whether it is stable, and how far from the brink.
 
 use super::{Check, Design, Verdict, verdict};
-use crate::design::drive_loop::DriveLoop;
+use crate::design::drive_loop::{Compensation, DriveLoop};
+use crate::design::loop_margins::LoopMargins;
 use crate::error::Result;
 use crate::linear::eigen::spectral_radius;
 use crate::linear::margins::Margins;
 
-/// Largest pole of the drive's own loop, plant, force observers, state observer and gain together.
+/// Largest pole of the drive's own loop, plant, force observers, state observer and gain together, while the
+/// compensation follows and while it is held.
 ///
 /// # Errors
 /// [`Error::Design`](crate::error::Error::Design) when the eigenvalue iteration does not converge.
 pub(in crate::design) fn closed_loop(design: &Design) -> Result<Check> {
-    let closed = DriveLoop::new(design).closed(&design.ad, &design.bd);
-    let value = spectral_radius(&closed)?;
+    let mut value = 0.0_f64;
+    for compensation in [Compensation::Follows, Compensation::Held] {
+        let closed = DriveLoop::new(design, compensation).closed(&design.ad, &design.bd);
+        value = value.max(spectral_radius(&closed)?);
+    }
     // Of eq. (17) alone the rigid motion stays in the estimate, a double one that rounding splits.
     let limit = if design.observer_variant().rigid_motion() {
         1.0 + 1e-4
@@ -27,7 +32,7 @@ pub(in crate::design) fn closed_loop(design: &Design) -> Result<Check> {
             Verdict::Refuse
         },
         (value, limit),
-        "largest pole of the drive's own loop, with its observers; from 1 on it is not stable: \
+        "largest pole of the drive's own loop, with its observers, moving or held at rest; from 1 on it is not stable: \
          higher control.disturbance_cutoff and control.reaction_force_cutoff, a larger \
          cost.current or a shorter control.sample_time",
     ))
@@ -62,9 +67,8 @@ fn peak_sensitivity(margins: &Margins) -> Check {
 }
 
 /// How much phase the loop may lose where its gain is one.
-fn phase_margin(margins: &Margins) -> Option<Check> {
-    let value = margins.phase_margin_deg?;
-    Some(Check::new(
+fn phase_margin(value: f64) -> Check {
+    Check::new(
         "phase_margin",
         verdict(value, PHASE, WORST_PHASE),
         (value, PHASE),
@@ -73,12 +77,21 @@ fn phase_margin(margins: &Margins) -> Option<Check> {
              a softer spring takes all of them, and it is refused: higher cutoffs, a larger cost.current or \
              a shorter control.sample_time"
         ),
-    ))
+    )
 }
 
-/// The checks of a stable loop's margins.
-pub(in crate::design) fn of_margins(margins: &Margins) -> impl Iterator<Item = Check> {
-    [Some(peak_sensitivity(margins)), phase_margin(margins)]
+/// The checks of a stable loop's margins, the worse of both.
+pub(in crate::design) fn of_margins(margins: &LoopMargins) -> impl Iterator<Item = Check> + use<> {
+    let LoopMargins { following, held } = margins;
+    // What is no number is the worst.
+    let worst = if held.peak_sensitivity <= following.peak_sensitivity {
+        following
+    } else {
+        held
+    };
+    let phases = [following, held].map(|margins| margins.phase_margin_deg);
+    let phase = phases.into_iter().flatten().reduce(f64::min);
+    [Some(peak_sensitivity(worst)), phase.map(phase_margin)]
         .into_iter()
         .flatten()
 }

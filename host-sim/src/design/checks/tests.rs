@@ -3,6 +3,7 @@
 use super::encoder::force_noise;
 use super::*;
 use crate::design::assessment::Assessment;
+use crate::design::loop_margins::LoopMargins;
 use crate::drive::{Drive, Observer, StatedProtection};
 use crate::linear::margins::Margins;
 use crate::simulate::player::player;
@@ -211,15 +212,24 @@ fn poor_margins_are_refused() {
         peak_sensitivity,
         peak_sensitivity_hz: 10.0,
     };
+    let good = margins(1.2, None);
     let verdicts = |margins: &Margins| -> Vec<Verdict> {
-        of_margins(margins).map(|check| check.verdict).collect()
+        // Whichever of the two it is that has them.
+        let [one, other] = [(margins, &good), (&good, margins)].map(|(following, held)| {
+            let (following, held) = (following.clone(), held.clone());
+            let checks = of_margins(&LoopMargins { following, held });
+            checks.map(|check| check.verdict).collect::<Vec<_>>()
+        });
+        assert_eq!(one, other);
+        one
     };
     assert_eq!(verdicts(&margins(1.8, Some(42.0))), [Pass, Pass]);
     assert_eq!(verdicts(&margins(2.9, Some(20.4))), [Warn, Warn]);
     assert_eq!(verdicts(&margins(9.0, Some(14.0))), [Refuse, Refuse]);
     assert_eq!(verdicts(&margins(1.5, None)), [Pass]);
     // What is no number is refused, and in words.
-    let check = of_margins(&margins(f64::INFINITY, None)).next().unwrap();
+    let (following, held) = (margins(f64::INFINITY, None), good.clone());
+    let check = of_margins(&LoopMargins { following, held }).next().unwrap();
     assert_eq!((check.verdict, check.value), (Refuse, None));
     assert!(
         check.advice.starts_with("cannot be computed"),

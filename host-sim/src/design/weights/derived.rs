@@ -23,7 +23,7 @@ use crate::chain::{Chain, controlled_mass};
 use crate::design::Design;
 use crate::design::assessment::{at_first_look, judged};
 use crate::design::checks::{Check, Verdict};
-use crate::design::drive_loop::DriveLoop;
+use crate::design::drive_loop::{Compensation, DriveLoop};
 use crate::drive::{Drive, ObserverSettings, Weights};
 use crate::error::{Error, Result};
 use crate::linear::eigen::spectral_radius;
@@ -80,7 +80,7 @@ pub(in crate::design) fn stated(drive: &Drive) -> Result<Drive> {
             let holds =
                 lasts_elsewhere(&design, omega).ok()? && passes(&at_first_look(&design).ok()?);
             let (checks, margins) = holds.then(|| judged(&design).ok())??;
-            let delay = margins.and_then(|margins| margins.delay_margin);
+            let delay = margins.and_then(|margins| margins.delay());
             let late = delay.is_some_and(|delay| delay < DELAY * period);
             if !passes(&checks) || (robust && late) {
                 return None;
@@ -126,7 +126,7 @@ type Change<'a> = &'a dyn Fn(&mut Chain, f64);
 /// [`Error::Design`] when poles cannot be computed.
 fn lasts_elsewhere(design: &Design, omega: f64) -> Result<bool> {
     let period = design.drive.control.sample_time;
-    let drive_loop = DriveLoop::new(design);
+    let drive_loop = DriveLoop::new(design, Compensation::Follows);
     let slowest = (-DECAY * omega * period).exp();
     let springs = |chain: &mut Chain, factor: f64| {
         for stiffness in &mut chain.stiffness {
