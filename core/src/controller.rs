@@ -478,6 +478,9 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             (disturbance, reaction_force),
         );
 
+        if running.stopping.is_some() {
+            self.protection.leaves_plan(&mut memory.protection);
+        }
         let period = Period {
             reading,
             position,
@@ -540,6 +543,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             // The reference leaps, and the machine is as far from it.
             let distance = self.encoder.distance(before, memory.target);
             self.observer.shift(&mut memory.observer, distance);
+            self.protection.leaves_plan(&mut memory.protection);
         }
         Ok(())
     }

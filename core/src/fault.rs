@@ -111,6 +111,9 @@ faults! {
         "see the amplifier's own manual", None;
     21 Settings Off "the settings in the drive's memory are no longer those it started with",
         "reset the drive; look for what disturbs its memory if it comes again", None;
+    22 TrackingError Off "the actuator is farther from its planned move than any machine near the description can be",
+        "look for what pushes or holds it, for a fault of encoder or amplifier, or identify the load anew",
+        Some("protection.tracking_error");
 }
 
 impl Fault {

@@ -254,7 +254,8 @@ impl<'p> Moves<'p> {
         sum.feed_forward.0 += scale * plan.feed_forward * f32::from(row[0]);
         let (mut position, mut deflection) = Self::places::<N>(row);
         if past != 0 {
-            // The current is held, the masses go on: from knot to knot as smoothly as they do.
+            // The current is held, the masses go on: from knot to knot as smoothly as they do. The actuator's
+            // acceleration leaps with the current, so at a knot its velocity is not the mean one around it.
             let at = |knot: u32| {
                 self.row::<N>(plan, knot)
                     .map_or((0.0, [0.0; N]), Self::places)
@@ -270,9 +271,29 @@ impl<'p> Moves<'p> {
             };
             let before = if first { next } else { at(knot - 1) };
             let last = knot + 1 >= plan.knots.into();
-            let between = |here: f32, before: f32, next: f32, after: f32, line: f32| {
-                let slope = if first { line } else { 0.5 * (next - before) };
-                let next_slope = if last { 0.0 } else { 0.5 * (after - here) };
+            let current = |knot: u32| {
+                let row = self.row::<N>(plan, knot);
+                row.map_or(0.0, |row| f32::from(row[0]))
+            };
+            let bend = self.plans.bend * plan.feed_forward;
+            let bends = if first {
+                (0.0, bend * (current(1) - f32::from(row[0])))
+            } else {
+                let here = f32::from(row[0]);
+                let before = current(knot - 1);
+                (bend * (here - before), bend * (current(knot + 1) - here))
+            };
+            let between = |here: f32, before: f32, next: f32, after: f32, line: f32, unit: f32| {
+                let slope = if first {
+                    line
+                } else {
+                    0.5 * (next - before) - bends.0 / unit
+                };
+                let next_slope = if last {
+                    0.0
+                } else {
+                    0.5 * (after - here) - bends.1 / unit
+                };
                 let gap = next - here;
                 let (square, cube) = (
                     3.0 * gap - 2.0 * slope - next_slope,
@@ -280,9 +301,10 @@ impl<'p> Moves<'p> {
                 );
                 here + share * (slope + share * (square + share * cube))
             };
-            position = between(position, before.0, next.0, after.0, line);
+            position = between(position, before.0, next.0, after.0, line, plan.position);
             for (load, place) in deflection.iter_mut().enumerate() {
-                *place = between(*place, before.1[load], next.1[load], after.1[load], 0.0);
+                let [before, next, after] = [before, next, after].map(|places| places.1[load]);
+                *place = between(*place, before, next, after, 0.0, -plan.deflection);
             }
         }
         sum.position.0 += scale * plan.position * position;

@@ -7,7 +7,7 @@
 //! ```text
 //! any mode                thermal (the heat of the motor)
 //! any mode with current   applied_current, encoder_jump
-//! running                 encoder_step, within, stall, saturation, travel, thermal
+//! running                 encoder_step, within, tracking, stall, saturation, travel, thermal
 //! ```
 
 mod applied_current;
@@ -17,6 +17,7 @@ mod model_error;
 mod saturation;
 mod stall;
 mod thermal;
+mod tracking;
 mod travel;
 mod within;
 
@@ -49,7 +50,9 @@ pub struct ProtectionLimits<const N: usize> {
     pub disturbance: f32,
     /// Largest innovation of the state observer at rest: force that the model does not expect, N.
     pub innovation: f32,
-    /// By how much both may go further in a move.
+    /// Farthest the actuator may be from its plan at rest, m.
+    pub tracking_error: f32,
+    /// By how much these three may go further in a move.
     pub model_error: ModelError,
     /// Farthest each spring may be stretched or compressed, from the actuator outwards, m.
     #[serde(with = "BigArray")]
@@ -74,6 +77,7 @@ impl<const N: usize> ProtectionLimits<N> {
         positive("protection.reaction_force", self.reaction_force)?;
         positive("protection.disturbance", self.disturbance)?;
         positive("protection.innovation", self.innovation)?;
+        positive("protection.tracking_error", self.tracking_error)?;
         self.model_error.check()?;
         for deflection in self.deflection {
             positive("protection.deflection", deflection)?;
@@ -136,6 +140,7 @@ pub(crate) struct Protection<const N: usize> {
     stall: stall::Stall,
     saturation: saturation::Saturation,
     thermal: thermal::Thermal,
+    tracking: tracking::Tracking,
     /// What the motor carries, N, and the current that it needs for it, A.
     holding_force: f32,
     holding_current: f32,
@@ -148,6 +153,7 @@ pub(crate) struct Memory {
     encoder_step: encoder_step::Memory,
     stall: stall::Memory,
     saturated: u32,
+    tracking: tracking::Memory,
     /// Force of the plans, N.
     planned: f32,
     /// Where the actuator may be.
@@ -194,6 +200,10 @@ impl<const N: usize> Protection<N> {
                 protection.thermal_time,
                 sample_time,
             ),
+            tracking: tracking::Tracking::new(
+                protection.tracking_error,
+                protection.model_error.periods(),
+            ),
             holding_force,
             holding_current: holding_force / actuator.actual_force_constant(),
             force_constant: actuator.actual_force_constant(),
@@ -213,6 +223,11 @@ impl<const N: usize> Protection<N> {
         }
     }
 
+    /// The actuator is not to follow its plan from now on: a raw step, or a brake.
+    pub(crate) fn leaves_plan(&self, memory: &mut Memory) {
+        self.tracking.leaves(&mut memory.tracking);
+    }
+
     /// Whether one part of four is as in a copy.
     pub(crate) fn same(&self, copy: &Self, part: usize) -> bool {
         match part % 4 {
@@ -223,7 +238,7 @@ impl<const N: usize> Protection<N> {
             }
             2 => (self.stall, self.saturation) == (copy.stall, copy.saturation),
             _ => {
-                self.thermal == copy.thermal
+                (self.thermal, self.tracking) == (copy.thermal, copy.tracking)
                     && (
                         self.holding_force,
                         self.holding_current,
@@ -270,6 +285,9 @@ impl<const N: usize> Protection<N> {
         let planned = self.force_constant * period.reference.feed_forward.0;
         let planned = self.limits.model_error.step(&mut memory.planned, planned);
         within::step(&self.limits, self.holding_force, planned, period)?;
+        let error = Position(period.position.0 - period.reference.position.0);
+        let more = self.limits.model_error.tracking_error * planned;
+        self.tracking.step(&mut memory.tracking, error, more)?;
         let unexplained = period.estimate.disturbance.0 + period.estimate.innovation.0;
         let forces = [self.stall.motor(*current), unexplained];
         stall::Stall::step(&mut memory.stall, reading, forces)?;

@@ -73,7 +73,8 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         reaction_force: 25.72, // N
         disturbance: 1.929, // N
         innovation: 1.929, // N
-        model_error: ModelError { disturbance: 0.5, innovation: 0.9, remembered: 0.9881346 },
+        tracking_error: 0.01354751, // m
+        model_error: ModelError { disturbance: 0.023622498, innovation: 0.0, tracking_error: 0.0016796452, remembered: 0.9881346 },
         deflection: [0.08573333, 0.08573333, 0.08573333], // m
         stiction: 0.3858, // N
         saturation_time: 0.25, // s

@@ -16,6 +16,7 @@ pub mod loop_margins;
 pub mod observer;
 pub mod paper;
 pub mod plans;
+pub(crate) mod player;
 pub mod protection;
 pub mod regulator;
 pub mod weights;
@@ -61,6 +62,7 @@ pub struct Design {
     /// Limits of planned moves.
     pub motion: Motion,
     plans: OnceLock<plans::PlanTable>,
+    healthy: OnceLock<protection::Healthy>,
 }
 
 /// Share of the velocity limit below which Coulomb friction is fed forward in part.
@@ -126,6 +128,7 @@ impl Design {
             index,
             motion: Motion::new(drive, &chain, &modes, decay),
             plans: OnceLock::new(),
+            healthy: OnceLock::new(),
             chain,
             ad,
             bd,
@@ -170,12 +173,14 @@ impl Design {
     /// All that the core must know, as it takes it.
     ///
     /// * `observer`: how the core makes the observer of this design from its coefficients
+    /// * `protection`: limits of the running drive, its own or wider ones
     ///
     /// `N` and `S` must be those of the design; with any others the core's [`Settings::check`] refuses.
     #[must_use]
     pub fn settings<const N: usize, const S: usize, O>(
         &self,
         observer: impl FnOnce(LinearObserver<S>) -> O,
+        protection: &protection::Protection,
     ) -> Settings<N, O> {
         let drive = &self.drive;
         let mass_gain = |mass: usize| MassGain {
@@ -199,8 +204,15 @@ impl Design {
             friction: self.friction(),
             standstill: self.standstill(),
             holding_force: drive.actuator.holding_force as f32,
-            protection: protection::Protection::new(self).limits(drive.encoder.resolution),
+            protection: protection.limits(drive.encoder.resolution),
         }
+    }
+
+    /// Limits of the running drive.
+    #[must_use]
+    pub fn protection(&self) -> protection::Protection {
+        let healthy = self.healthy.get_or_init(|| protection::Healthy::new(self));
+        protection::Protection::new(self, healthy)
     }
 
     /// Coefficients of the state observer as the core takes them.

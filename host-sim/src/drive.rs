@@ -196,6 +196,8 @@ pub struct StatedProtection {
     pub disturbance: Option<f64>,
     /// N.
     pub innovation: Option<f64>,
+    /// m.
+    pub tracking_error: Option<f64>,
     /// Of every spring, m.
     pub deflection: Option<f64>,
     /// N.

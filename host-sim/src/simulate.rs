@@ -15,23 +15,23 @@ pub mod ending;
 pub mod experiment;
 pub mod metrics;
 pub mod plant;
-pub(crate) mod player;
 pub mod scenario;
 pub mod sequence;
 pub mod stillness;
 pub mod watch;
 
 use crate::design::plans::PlanTable;
+use crate::design::player::{Play, player};
+use crate::design::protection::{Healthy, Protection};
 use crate::design::{Design, settling_tolerance};
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use arso_core::friction::FrictionFeedForward;
 use arso_core::limits::Limits;
 use arso_core::{Counts, Current, Fault, Measurement, Mode, Place, Refusal, Request};
-use corridor::{Corridor, Record, corridor_with_plans};
+use corridor::{Corridor, Record, corridor_with};
 use nalgebra::DVector;
 use plant::Plant;
-use player::{Play, player};
 use scenario::Scenario;
 use std::collections::VecDeque;
 
@@ -229,17 +229,34 @@ pub(crate) struct Core<'d>(Box<dyn Corridor + 'd>);
 impl<'d> Core<'d> {
     /// A core that has proven its signs on this plant and is asked for the experiment.
     pub(crate) fn new(design: &'d Design, file: &PlantFile, scenario: &Scenario) -> Result<Self> {
-        Self::with_plans(design, design.plans()?, file, scenario)
+        Self::with(
+            design,
+            design.plans()?,
+            &design.protection(),
+            file,
+            scenario,
+        )
     }
 
-    /// The same with plans of another design for the same machine.
+    /// The same with plans of another design for the same machine, and limits as wide as they may be.
     pub(crate) fn with_plans(
         design: &Design,
         plans: &'d PlanTable,
         file: &PlantFile,
         scenario: &Scenario,
     ) -> Result<Self> {
-        let mut core = corridor_with_plans(design, plans, None)?;
+        let widest = Protection::new(design, &Healthy::widest(design));
+        Self::with(design, plans, &widest, file, scenario)
+    }
+
+    fn with(
+        design: &Design,
+        plans: &'d PlanTable,
+        protection: &Protection,
+        file: &PlantFile,
+        scenario: &Scenario,
+    ) -> Result<Self> {
+        let mut core = corridor_with(design, plans, protection, None)?;
         let place = commission(core.as_mut(), file, design.drive.control.sample_time)?;
         // The experiment's origin is the machine's.
         core.request(Request::SetPosition(place)).map_err(refused)?;

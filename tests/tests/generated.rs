@@ -22,7 +22,10 @@ fn the_firmware_has_the_gains_of_the_default_drive() {
         "firmware/src/gains.rs is not what the default drive designs: \
          run `cargo run --release -- design --rust firmware/src/gains.rs`"
     );
-    assert_eq!(gains::GAINS, design.settings(gains::Observer::new));
+    assert_eq!(
+        gains::GAINS,
+        design.settings(gains::Observer::new, &design.protection())
+    );
     assert_eq!(gains::PLANS, design.plans().unwrap().plans());
     assert_eq!(gains::KIND, design.drive.kind.name());
 }

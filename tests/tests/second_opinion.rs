@@ -15,7 +15,7 @@ use std::process::Command;
 fn recording() -> (Vec<u8>, Vec<u32>) {
     let drive = Drive::default_drive();
     let design = Design::new(&drive).unwrap();
-    let settings = design.settings(Anchored::<3, 9>::new);
+    let settings = design.settings(Anchored::<3, 9>::new, &design.protection());
     let mut controller = Controller::new(&settings, design.plans().unwrap().plans()).unwrap();
     let mut plant = Plant::new(&PlantFile::from(&drive), drive.control.sample_time);
     let (mut input, mut answer) = (Vec::new(), Vec::new());

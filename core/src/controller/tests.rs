@@ -101,9 +101,11 @@ fn settings() -> Settings<1, Anchored<1, 5>> {
             reaction_force: 1e6,
             disturbance: 1e6,
             innovation: 1e6,
+            tracking_error: 10.0,
             model_error: ModelError {
                 disturbance: 0.0,
                 innovation: 0.0,
+                tracking_error: 0.0,
                 remembered: 0.0,
             },
             deflection: [1e3],

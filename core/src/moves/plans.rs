@@ -56,6 +56,9 @@ pub struct Plans<'p> {
     pub change: Plan,
     /// Distance that the actuator covers in it, m per m/s.
     pub run: f32,
+    /// By how much a step of the current bends the motion, seen over the rows beside it: `k_f h² / 4 m_a` for a row
+    /// of `h` seconds, m/A.
+    pub bend: f32,
     /// All rows, word by word.
     #[serde(skip)]
     pub rows: &'p [i16],
@@ -67,7 +70,8 @@ pub struct Plans<'p> {
 impl Plans<'_> {
     /// Whether these are the same plans, in the same place.
     pub(crate) fn same(&self, copy: &Self) -> bool {
-        (self.stride, self.change, self.run) == (copy.stride, copy.change, copy.run)
+        (self.stride, self.change, self.run, self.bend)
+            == (copy.stride, copy.change, copy.run, copy.bend)
             && core::ptr::eq(self.displacements, copy.displacements)
             && core::ptr::eq(self.rows, copy.rows)
     }
@@ -77,6 +81,7 @@ impl Plans<'_> {
         let rows = self.rows.len() / row_words(loads);
         positive("plans.stride", self.stride.into())?;
         positive("plans.run", self.run)?;
+        positive("plans.bend", self.bend)?;
         let mut before = 0.0;
         for plan in self.displacements {
             plan.check(rows)?;

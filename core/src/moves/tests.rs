@@ -80,6 +80,7 @@ const fn displacement(first: usize, half: usize) -> Plan {
 
 /// Plans of one load that follows rigidly.
 pub(crate) const RIGID: Plans<'static> = Plans {
+    bend: 6.43 * 1e-6 / (4.0 * 0.116),
     stride: 1,
     displacements: &[
         displacement(0, HALVES[0]),

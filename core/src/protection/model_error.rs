@@ -7,6 +7,8 @@
 //! ```text
 //! e_k = max(k_f |i_ff|, c e_k−1)        |d| ≤ limit + share e
 //! ```
+//!
+//! So may the actuator be beside its plan.
 
 use crate::check::{SettingsError, not_negative};
 use serde::{Deserialize, Serialize};
@@ -18,6 +20,8 @@ pub struct ModelError {
     pub disturbance: f32,
     /// By which the innovation may, over the plan's force.
     pub innovation: f32,
+    /// By which the actuator may be farther from its plan, over the plan's force, m/N.
+    pub tracking_error: f32,
     /// Share `c` of the plan's force that is remembered for the next period, below one.
     pub remembered: f32,
 }
@@ -31,9 +35,15 @@ impl ModelError {
         *memory
     }
 
+    /// Periods in which the plan's force is forgotten by `1/e`, one at least.
+    pub(super) fn periods(&self) -> u32 {
+        (1.0 / (1.0 - self.remembered)) as u32
+    }
+
     pub(super) fn check(&self) -> Result<(), SettingsError> {
         not_negative("protection.model_error.disturbance", self.disturbance)?;
         not_negative("protection.model_error.innovation", self.innovation)?;
+        not_negative("protection.model_error.tracking_error", self.tracking_error)?;
         not_negative("protection.model_error.remembered", self.remembered)?;
         not_negative(
             "1 - protection.model_error.remembered",
@@ -51,6 +61,7 @@ mod tests {
         let error = ModelError {
             disturbance: 0.0,
             innovation: 0.0,
+            tracking_error: 0.0,
             remembered: 0.5,
         };
         let mut memory = 0.0;

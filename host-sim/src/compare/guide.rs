@@ -12,8 +12,8 @@
 use super::ReferenceSettings;
 use super::shaper::Shaper;
 use crate::design::Design;
+use crate::design::player::{Play, player};
 use crate::error::Result;
-use crate::simulate::player::{Play, player};
 use crate::simulate::scenario::{Approach, Scenario};
 use arso_core::Velocity;
 use arso_core::friction::FrictionFeedForward;

@@ -35,6 +35,9 @@ pub struct DriveLoop {
     input: DVector<f64>,
     output: RowDVector<f64>,
     through: f64,
+    /// The same of the disturbance found and of the innovation, N.
+    found: (RowDVector<f64>, f64),
+    innovation: (RowDVector<f64>, f64),
 }
 
 /// What the memory holds, before the states of the observer: position and command of the period before,
@@ -49,21 +52,44 @@ impl DriveLoop {
     #[must_use]
     pub fn new(design: &Design, compensation: Compensation) -> Self {
         let step = |memory: &DVector<f64>, position| step(design, compensation, memory, position);
+        let (mut found, mut unexpected) = (Vec::new(), Vec::new());
         let n = OBSERVER + design.observer.input.len();
         let mut transition = DMatrix::zeros(n, n);
         for column in 0..n {
             let mut memory = DVector::zeros(n);
             memory[column] = 1.0;
-            transition.set_column(column, &step(&memory, 0.0));
+            let stepped = step(&memory, 0.0);
+            transition.set_column(column, &stepped.memory);
+            found.push(stepped.found);
+            unexpected.push(stepped.innovation);
         }
-        let input = step(&DVector::zeros(n), 1.0);
+        let Stepped {
+            memory: input,
+            found: found_through,
+            innovation,
+        } = step(&DVector::zeros(n), 1.0);
         // The command is part of the new memory.
         Self {
             output: transition.row(COMMAND).into_owned(),
             through: input[COMMAND],
+            found: (RowDVector::from_vec(found), found_through),
+            innovation: (RowDVector::from_vec(unexpected), innovation),
             transition,
             input,
         }
+    }
+
+    /// The rows of the disturbance found and of the innovation over the state of [`closed`](Self::closed), N.
+    ///
+    /// * `plant`: states of the plant
+    #[must_use]
+    pub fn watched(&self, plant: usize) -> [RowDVector<f64>; 2] {
+        [&self.found, &self.innovation].map(|(row, through)| {
+            let mut all = RowDVector::zeros(plant + row.len());
+            all[0] = *through;
+            all.columns_mut(plant, row.len()).copy_from(row);
+            all
+        })
     }
 
     /// Command per metre of position at `z`; none at a pole.
@@ -90,12 +116,19 @@ impl DriveLoop {
         closed
             .view_mut((plant, plant), (drive, drive))
             .copy_from(&self.transition);
-        let mut through = closed.view_mut((0, 0), (plant, 1));
-        through += bd * self.through;
+        let mut measured = closed.column_mut(0);
+        measured += self.measured(bd);
         closed
-            .view_mut((plant, 0), (drive, 1))
-            .copy_from(&self.input);
-        closed
+    }
+
+    /// What a metre of the measured position does to plant and drive.
+    ///
+    /// * `bd`: of the sampled plant
+    #[must_use]
+    pub fn measured(&self, bd: &DVector<f64>) -> DVector<f64> {
+        let of_plant = bd * self.through;
+        let both = of_plant.iter().chain(self.input.iter());
+        DVector::from_iterator(bd.len() + self.input.len(), both.copied())
     }
 }
 
@@ -116,13 +149,22 @@ fn force_observers(design: &Design) -> (DisturbanceObserver<f64>, ReactionForceO
     )
 }
 
-/// One control period without limits and reference: the new memory.
+/// What comes of a control period.
+struct Stepped {
+    memory: DVector<f64>,
+    /// N.
+    found: f64,
+    /// N.
+    innovation: f64,
+}
+
+/// One control period without limits and reference.
 fn step(
     design: &Design,
     compensation: Compensation,
     memory: &DVector<f64>,
     position: f64,
-) -> DVector<f64> {
+) -> Stepped {
     let (disturbance_observer, reaction_force_observer) = force_observers(design);
     let m = |element: usize| memory[FORCES + element];
     let mut of_disturbance = disturbance::Memory {
@@ -182,5 +224,11 @@ fn step(
         lagged,
         mean_acceleration,
     ];
-    DVector::from_iterator(memory.len(), head.into_iter().chain(state.iter().copied()))
+    let memory =
+        DVector::from_iterator(memory.len(), head.into_iter().chain(state.iter().copied()));
+    Stepped {
+        memory,
+        found,
+        innovation,
+    }
 }

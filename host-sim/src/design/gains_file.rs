@@ -31,7 +31,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         output,
         correction,
     } = design.coefficients::<S>();
-    let settings: Settings<N, O> = design.settings(observer);
+    let settings: Settings<N, O> = design.settings(observer, &design.protection());
     let Settings {
         encoder,
         actuator,
@@ -158,6 +158,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          {I}{I}reaction_force: {:?}, // {force}\n\
          {I}{I}disturbance: {:?}, // {force}\n\
          {I}{I}innovation: {:?}, // {force}\n\
+         {I}{I}tracking_error: {:?}, // {position}\n\
          {I}{I}model_error: {:?},\n\
          {I}{I}deflection: {:?}, // {position}\n\
          {I}{I}stiction: {:?}, // {force}\n\
@@ -179,6 +180,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         protection.reaction_force,
         protection.disturbance,
         protection.innovation,
+        protection.tracking_error,
         protection.model_error,
         protection.deflection,
         protection.stiction,
@@ -205,9 +207,10 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         "{I}],\n\
          {I}change: {:?},\n\
          {I}run: {:?},\n\
+         {I}bend: {:?},\n\
          {I}checksum: {:#010x},\n\
          {I}rows: &[\n",
-        plans.change, plans.run, plans.checksum
+        plans.change, plans.run, plans.bend, plans.checksum
     );
     for row in plans.rows.chunks(row_words(N)) {
         let words: Vec<String> = row.iter().map(|word| format!("{word},")).collect();

@@ -49,6 +49,7 @@ pub struct PlanTable {
     displacements: Vec<Plan>,
     change: Plan,
     run: f32,
+    bend: f32,
     rows: Vec<i16>,
     checksum: u32,
     /// Largest loss of duration against the shortest possible move, as a share of it, from one step on.
@@ -67,6 +68,7 @@ impl PlanTable {
             displacements: &self.displacements,
             change: self.change,
             run: self.run,
+            bend: self.bend,
             rows: &self.rows,
             checksum: self.checksum,
         }
@@ -386,6 +388,7 @@ impl<'a> Maker<'a> {
             displacements,
             change,
             run: run as f32,
+            bend: (0.25 * self.design.chain.b()[1] * self.step * self.step) as f32,
             rows,
             loss,
             cruise_loss: grid.cruise_loss,

@@ -238,6 +238,7 @@ impl Document<'_> {
             reaction_force: stated("reaction_force", &raw.reaction_force, units.force)?,
             disturbance: stated("disturbance", &raw.disturbance, units.force)?,
             innovation: stated("innovation", &raw.innovation, units.force)?,
+            tracking_error: stated("tracking_error", &raw.tracking_error, units.position)?,
             deflection: stated("deflection", &raw.deflection, units.position)?,
             stiction: stated("stiction", &raw.stiction, units.force)?,
             saturation_time: stated("saturation_time", &raw.saturation_time, "s")?,

@@ -259,6 +259,9 @@ pub(super) struct RawProtection {
     /// Force that the model does not expect, N.
     #[schemars(with = "Option<f64>")]
     pub(super) innovation: Option<Number>,
+    /// Distance of the actuator from a planned move, at rest, m.
+    #[schemars(with = "Option<f64>")]
+    pub(super) tracking_error: Option<Number>,
     /// Of every spring, m.
     #[schemars(with = "Option<f64>")]
     pub(super) deflection: Option<Number>,

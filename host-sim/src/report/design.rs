@@ -4,7 +4,6 @@ use super::table::{right, table};
 use crate::design::Design;
 use crate::design::assessment::Assessment;
 use crate::design::checks::{Check, Verdict};
-use crate::design::protection::Protection;
 use crate::drive::PlantFile;
 use crate::error::Result;
 use crate::output::significant;
@@ -20,7 +19,7 @@ use std::fmt::Write;
 /// The limits of a running drive.
 #[must_use]
 pub fn protection(design: &Design) -> String {
-    let limits = Protection::new(design);
+    let limits = design.protection();
     let units = design.drive.kind.units();
     let (position, force) = (units.position, units.force);
     let mut table = table(&["protection, limit of", "value", "unit"]);
@@ -31,6 +30,7 @@ pub fn protection(design: &Design) -> String {
         ("reaction_force", limits.reaction_force, force),
         ("disturbance", limits.disturbance, force),
         ("innovation", limits.innovation, force),
+        ("tracking_error", limits.tracking_error, position),
         ("stiction", limits.stiction, force),
         ("saturation_time", limits.saturation_time, "s"),
         ("continuous_current", limits.continuous_current, "A"),
@@ -354,7 +354,7 @@ pub fn json(design: &Design, assessment: &Assessment) -> Result<serde_json::Valu
         "observer_output": observer.output.as_slice(),
         "observer_gain": observer.correction.as_slice(),
         "observer_poles": poles(design.observer_poles()?),
-        "protection": Protection::new(design),
+        "protection": design.protection(),
         "moves": moves,
         "modes": design.modes(),
         "distinct_eigenvalues": assessment.distinct_eigenvalues,

@@ -5,6 +5,7 @@
 //! `f32` and all.
 
 use crate::design::plans::{CHECKSUM, PlanTable};
+use crate::design::protection::Protection;
 use crate::design::{Design, gains_file::gains_file};
 use crate::drive::{MAX_LOADS, Observer};
 use crate::error::{self, Error};
@@ -82,16 +83,18 @@ pub fn corridor(
     design: &Design,
     excitation: Option<Excitation>,
 ) -> error::Result<Box<dyn Corridor + '_>> {
-    corridor_with_plans(design, design.plans()?, excitation)
+    let protection = design.protection();
+    corridor_with(design, design.plans()?, &protection, excitation)
 }
 
-/// The same with plans of another design for the same machine.
+/// The same with plans of another design for the same machine, and with limits of its own.
 ///
 /// # Errors
 /// [`Error::Design`] when the core refuses the settings.
-pub(crate) fn corridor_with_plans<'d>(
+pub(crate) fn corridor_with<'d>(
     design: &Design,
     plans: &'d PlanTable,
+    protection: &Protection,
     excitation: Option<Excitation>,
 ) -> error::Result<Box<dyn Corridor + 'd>> {
     fn build<'d, const N: usize, const S: usize, O: StateObserver<N> + Clone + 'd>(
@@ -99,17 +102,18 @@ pub(crate) fn corridor_with_plans<'d>(
         observer: impl FnOnce(LinearObserver<S>) -> O,
         _: &str,
         plans: &'d PlanTable,
+        protection: &Protection,
         excitation: Option<Excitation>,
     ) -> error::Result<Box<dyn Corridor + 'd>> {
         let unfit = |error: SettingsError| Error::Design(error.to_string());
-        let settings = design.settings(observer);
+        let settings = design.settings(observer, protection);
         let controller = Controller::new(&settings, plans.plans()).map_err(unfit)?;
         Ok(match excitation {
             Some(excitation) => Box::new(controller.with_excitation(excitation)),
             None => Box::new(controller),
         })
     }
-    with_sizes!(build(design, plans, excitation))
+    with_sizes!(build(design, plans, protection, excitation))
 }
 
 /// The gains file for the firmware; `origin` says where the drive was described.
@@ -133,7 +137,7 @@ pub fn fingerprint(design: &Design) -> error::Result<u32> {
     ) -> error::Result<u32> {
         let failed = |error| Error::Report(format!("the settings cannot be serialised: {error}"));
         let all = (
-            design.settings::<N, S, O>(observer),
+            design.settings::<N, S, O>(observer, &design.protection()),
             design.plans()?.plans(),
         );
         let bytes = postcard::to_allocvec(&all).map_err(failed)?;

@@ -13,7 +13,7 @@ use host_sim::output::{print, write_file};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Runs every fault of the list at many instants of a step and at rest, on the firmware that is flashed,
+/// Runs every fault of the list at many instants of a planned move and at rest, on the firmware that is flashed,
 /// unmodified. Exit code 1 if it ran away or could not be stopped in any run.
 #[derive(Debug, Parser)]
 #[command(version)]

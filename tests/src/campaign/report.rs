@@ -36,7 +36,7 @@ impl Report<'_> {
     #[must_use]
     pub fn markdown(&self) -> String {
         let mut text = format!(
-            "# Fault campaign\n\n{}: {} faults at {} instants of a step of 30 mm and {} at rest.\n\n\
+            "# Fault campaign\n\n{}: {} faults at {} instants of a planned move of 30 mm and {} at rest.\n\n\
              Goal: off within {GOAL_PERIODS} periods of the fault or {:.0} mm of travel, whichever is later, for \
              every fault that removes control; no runaway (faster than {RUNAWAY_VELOCITY} m/s or farther than \
              {:.0} mm beyond the range of the motion, energised, no fault); off within {STOP_WITHIN} periods of opening the run switch (wanted: 1).\n\n",

@@ -7,7 +7,7 @@ use host_sim::drive::{Drive, PlantFile};
 
 /// Target of the motion, m, and the switches that ask for it.
 pub const TARGET: f64 = 0.03;
-const SWITCHES: u32 = 3;
+const SWITCHES: u32 = 1;
 /// Periods after the run switch is closed within which the drive must move.
 const STARTS: u32 = 50;
 /// The motion, from its first period, and when it is at rest.

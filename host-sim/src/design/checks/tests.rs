@@ -4,9 +4,9 @@ use super::encoder::force_noise;
 use super::*;
 use crate::design::assessment::Assessment;
 use crate::design::loop_margins::LoopMargins;
+use crate::design::player::player;
 use crate::drive::{Drive, Observer, StatedProtection};
 use crate::linear::margins::Margins;
-use crate::simulate::player::player;
 use arso_core::{Place, Request};
 
 fn design(change: impl FnOnce(&mut Drive)) -> Design {
@@ -25,6 +25,7 @@ fn unprotected(drive: &mut Drive) {
         reaction_force: wide,
         disturbance: wide,
         innovation: wide,
+        tracking_error: wide,
         deflection: wide,
         stiction: wide,
         saturation_time: Some(1e6),
@@ -139,7 +140,7 @@ fn bad_drives_are_found() {
 fn the_friction_check_foretells_commissioning() {
     use crate::drive::PlantFile;
     use crate::simulate::commission;
-    use crate::simulate::corridor::corridor_with_plans;
+    use crate::simulate::corridor::corridor_with;
     // Friction beyond the motor's force leaves none.
     let other = design(|_| ());
     let plans = other.plans().unwrap();
@@ -148,7 +149,7 @@ fn the_friction_check_foretells_commissioning() {
         let check = named(&design, "friction_share");
         assert_eq!(check.verdict < Verdict::Refuse, moves, "{check:?}");
         let plant = PlantFile::from(&design.drive);
-        let mut core = corridor_with_plans(&design, plans, None).unwrap();
+        let mut core = corridor_with(&design, plans, &design.protection(), None).unwrap();
         let commissioned = commission(core.as_mut(), &plant, 1e-3);
         assert_eq!(commissioned.is_ok(), moves, "{share}: {commissioned:?}");
     }
