@@ -74,7 +74,7 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         disturbance: 1.929, // N
         innovation: 1.929, // N
         tracking_error: 0.01354751, // m
-        model_error: ModelError { disturbance: 0.023622498, innovation: 0.0, tracking_error: 0.0016796452, remembered: 0.9881346 },
+        model_error: ModelError { disturbance: 0.023629619, innovation: 0.0, tracking_error: 0.0016796668, remembered: 0.9881346 },
         deflection: [0.08573333, 0.08573333, 0.08573333], // m
         stiction: 0.3858, // N
         saturation_time: 0.25, // s
@@ -168,6 +168,7 @@ pub static PLANS: Plans<'static> = Plans {
     ],
     change: Plan { first: 5202, knots: 64, reach: 1.989998, feed_forward: 2.9751713e-5, position: 1.4490849e-11, deflection: 3.5298413e-7 },
     run: 0.032882087,
+    bend: 2.7245762e-5,
     checksum: 0x16d06fff,
     rows: &[
         31163, -70, 22156, 0, 0, 0,
