@@ -2,7 +2,7 @@
 //! reference implementation under the currents that the core plays.
 
 use arso_core::moves::plans::Plan;
-use arso_core::moves::{Memory, Moves};
+use arso_core::moves::{Memory, Moves, Reference};
 use arso_core::{Place, Request, Velocity};
 use arso_tests::drives;
 use arso_tests::reference::{ReferenceDrive, ReferencePlant};
@@ -146,6 +146,11 @@ impl<'d, const N: usize> Played<'d, N> {
     }
 
     fn step(&mut self) -> bool {
+        self.advance().0
+    }
+
+    /// One period: whether all rests, and the reference.
+    fn advance(&mut self) -> (bool, Reference<N>) {
         let drive = &self.design.drive;
         let directed = self
             .moves
@@ -167,7 +172,7 @@ impl<'d, const N: usize> Played<'d, N> {
         let current = f64::from(reference.feed_forward.0);
         self.currents.push(current);
         self.plant.advance(current, drive.control.sample_time, 1);
-        reference.rests
+        (reference.rests, reference)
     }
 
     /// Plays a request to its end, and two periods more.
@@ -302,4 +307,42 @@ fn every_plan_of_other_chains_ends_at_rest_within_its_limits() {
         load.mass = 3.0 * heavy.actuator.mass;
     }
     plays_every_plan::<2>(&heavy);
+}
+
+/// A table of rows several periods apart: between them the actuator is where the plant's is under the same current,
+/// and so is each load, to a hundredth of what it moves in a step.
+#[test]
+fn between_its_rows_a_plan_is_where_the_machine_is() {
+    let mut drive = Drive::default_drive();
+    drive.motion.table = Some(4_000);
+    let design = design(&drive);
+    let plans = design.plans().unwrap().plans();
+    assert!(plans.stride > 1, "{}", plans.stride);
+    let mut played = Played::<3>::new(&design);
+    played.asked = Some(Request::Move(Place(30_000)));
+    let mut places = vec![[0.0; 4]; plans.stride.into()];
+    let (mut farthest, mut largest) = ([0.0_f64; 4], [0.0_f64; 4]);
+    loop {
+        let machine = played.plant.state.clone();
+        let (rests, reference) = played.advance();
+        let target = played.target.0 as f64 * drive.encoder.resolution;
+        let actuator = target + f64::from(reference.position.0);
+        let place = |mass: usize| match mass {
+            0 => actuator,
+            load => actuator + f64::from(reference.deflection[load - 1]),
+        };
+        let now: [f64; 4] = std::array::from_fn(place);
+        let before = places[places.len() - usize::from(plans.stride)];
+        for mass in 0..4 {
+            farthest[mass] = farthest[mass].max((now[mass] - machine[2 * mass]).abs());
+            largest[mass] = largest[mass].max((now[mass] - before[mass]).abs());
+        }
+        places.push(now);
+        if rests {
+            break;
+        }
+    }
+    for (off, moves) in farthest.iter().zip(largest) {
+        assert!(*off < 0.01 * moves, "{farthest:?} of {largest:?}");
+    }
 }
