@@ -29,10 +29,10 @@ const PITCH: f64 = 0.01;
 
 /// The mode in which start-up and half a second of holding leave the drive, and how far it then stands from where
 /// it closed the loop, m.
-fn started(drive: &Drive, plant: &PlantFile, hidden: Hidden) -> (Mode, f64) {
-    let design = Design::new(drive).unwrap();
+fn started(design: &Design, plant: &PlantFile, hidden: Hidden) -> (Mode, f64) {
+    let drive = &design.drive;
     let period = drive.control.sample_time;
-    let mut core = corridor(&design, None).unwrap();
+    let mut core = corridor(design, None).unwrap();
     let mut plant = Plant::new(plant, period);
     let mut random = ChaCha8Rng::seed_from_u64(hidden.seed);
     let noise = Normal::new(0.0, hidden.noise).unwrap();
@@ -66,6 +66,10 @@ fn started(drive: &Drive, plant: &PlantFile, hidden: Hidden) -> (Mode, f64) {
     (core.record().mode, 0.0)
 }
 
+fn default_design() -> Design {
+    Design::new(&Drive::default_drive()).unwrap()
+}
+
 fn default_plant(change: impl FnOnce(&mut PlantFile)) -> PlantFile {
     let mut plant = PlantFile::from(&Drive::default_drive());
     change(&mut plant);
@@ -79,7 +83,7 @@ fn default_with_friction(coulomb: f64) -> PlantFile {
 /// 1.5 counts rms, without friction, with a little and with some.
 #[test]
 fn encoder_noise_is_no_motion() {
-    let drive = Drive::default_drive();
+    let design = default_design();
     for coulomb in [0.0, 0.02, 0.2] {
         for seed in 0..20 {
             let plant = default_with_friction(coulomb);
@@ -88,7 +92,7 @@ fn encoder_noise_is_no_motion() {
                 seed,
                 ..Hidden::default()
             };
-            let (mode, off) = started(&drive, &plant, hidden);
+            let (mode, off) = started(&design, &plant, hidden);
             assert_eq!(mode, Mode::Running, "friction {coulomb} N, seed {seed}");
             assert!(off < 200e-6, "friction {coulomb} N, seed {seed}: {off}");
         }
@@ -98,7 +102,7 @@ fn encoder_noise_is_no_motion() {
 /// 0.05 A is a force of 0.32 N that is there as soon as the amplifier is on.
 #[test]
 fn an_offset_of_the_amplifier_is_carried() {
-    let drive = Drive::default_drive();
+    let design = default_design();
     for offset in [0.05, -0.05] {
         let hidden = Hidden {
             noise: 0.5,
@@ -106,7 +110,7 @@ fn an_offset_of_the_amplifier_is_carried() {
             seed: 1,
             ..Hidden::default()
         };
-        let (mode, off) = started(&drive, &default_plant(|_| {}), hidden);
+        let (mode, off) = started(&design, &default_plant(|_| {}), hidden);
         assert_eq!(mode, Mode::Running, "{offset} A");
         assert!(off < 1e-3, "{offset} A: {off}");
     }
@@ -115,7 +119,7 @@ fn an_offset_of_the_amplifier_is_carried() {
 /// 0.1 N of cogging: in a detent without friction, anywhere with some, two counts of noise besides.
 #[test]
 fn cogging_is_carried() {
-    let drive = Drive::default_drive();
+    let design = default_design();
     for eighth in 0..8 {
         let angle = std::f64::consts::TAU * f64::from(eighth) / 8.0;
         for coulomb in [0.0, 0.12, 0.3] {
@@ -129,7 +133,7 @@ fn cogging_is_carried() {
                 seed: 7,
                 ..Hidden::default()
             };
-            let (mode, off) = started(&drive, &plant, hidden);
+            let (mode, off) = started(&design, &plant, hidden);
             assert_eq!(mode, Mode::Running, "{eighth}/8, friction {coulomb} N");
             assert!(off < 1e-3, "{eighth}/8, friction {coulomb} N: {off}");
         }
@@ -143,7 +147,8 @@ fn an_encoder_can_be_fine() {
         let mut drive = Drive::default_drive();
         drive.encoder.resolution = resolution;
         drive.encoder.counter_bits = 32;
-        let (mode, off) = started(&drive, &PlantFile::from(&drive), Hidden::default());
+        let design = Design::new(&drive).unwrap();
+        let (mode, off) = started(&design, &PlantFile::from(&drive), Hidden::default());
         assert_eq!(mode, Mode::Running, "{resolution} m");
         assert!(off < 20e-6, "{resolution} m: {off}");
     }
@@ -175,7 +180,8 @@ fn gravity_is_carried_or_found() {
         });
         let mut drive = Drive::default_drive();
         drive.actuator.holding_force = share * weight;
-        let (mode, off) = started(&drive, &plant, Hidden::default());
+        let design = Design::new(&drive).unwrap();
+        let (mode, off) = started(&design, &plant, Hidden::default());
         assert_eq!(mode, Mode::Running, "{share}");
         let allowed = if share == 1.0 { 20e-6 } else { 3e-3 };
         assert!(off < allowed, "{share}: {off}");
@@ -183,7 +189,7 @@ fn gravity_is_carried_or_found() {
     let plant = default_plant(|plant| {
         gravity(plant);
     });
-    let (mode, _) = started(&Drive::default_drive(), &plant, Hidden::default());
+    let (mode, _) = started(&default_design(), &plant, Hidden::default());
     // Its counter has 16 bits: falling for two seconds outruns it.
     let found = [Fault::NotAtRest, Fault::EncoderJump];
     assert!(found.map(Mode::Fault).contains(&mode), "{mode:?}");
