@@ -478,9 +478,6 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             (disturbance, reaction_force),
         );
 
-        if running.stopping.is_some() {
-            self.protection.leaves_plan(&mut memory.protection);
-        }
         let period = Period {
             reading,
             position,
@@ -504,6 +501,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         }
         memory.fed.moves = reference.feed_forward;
         if let Some(stopping) = &mut running.stopping {
+            self.protection.leaves_plan(&mut memory.protection);
             telemetry.reference = self.encoder.position(stopping.place).0;
             if stopping.ended(&self.rest, reading, self.sample_time) {
                 return Ok(None);

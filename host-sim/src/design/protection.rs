@@ -21,7 +21,7 @@
 //! | `travel` | none |
 //!
 //! In a move the three before `deflection` may be larger by shares of the plan's force, as much as machines near
-//! the description need: [`healthy`] finds out.
+//! the description need: [`Healthy`] finds out.
 
 mod healthy;
 
