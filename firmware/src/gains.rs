@@ -74,7 +74,7 @@ pub const GAINS: Settings<LOADS, Observer> = Settings {
         disturbance: 1.929, // N
         innovation: 1.929, // N
         tracking_error: 0.01354751, // m
-        model_error: ModelError { disturbance: 0.023629619, innovation: 0.0, tracking_error: 0.0016796668, remembered: 0.9881346 },
+        model_error: ModelError { disturbance: 0.023629619, innovation: 0.23812672, tracking_error: 0.0016796668, remembered: 0.9881346 },
         deflection: [0.08573333, 0.08573333, 0.08573333], // m
         stiction: 0.3858, // N
         saturation_time: 0.25, // s

@@ -1,13 +1,15 @@
 //! What machines near the description show in planned moves, and when they are kicked: what no fault may be seen in.
 //!
-//! Springs 30 %, last load 30 % and force constant 10 % off, each way and all together, make eight machines. How they
+//! Springs 30 %, last load 30 % and force constant 10 % off, each way and all together, make eight machines; a ninth is
+//! as described, but its current comes [`LATE`] periods after the command, as current loops are. How they
 //! differ from the motion `x` of the model under a plan's current is linear, observers and feedback included:
 //!
 //! ```text
-//! δ⁺ = A' δ + b' i + (A' − A) x + (b' − b) i_ff          i = drive(δ_a + x_a − x_ref,a)
+//! δ⁺ = A' δ + b' i + (A' − A) x + b' i'_ff − b i_ff          i = drive(δ_a + x_a − x_ref,a)
 //! ```
 //!
-//! with `A', b'` of the machine and `A, b` of the model; between the rows of the table the reference `x_ref` is not
+//! with `A', b'` of the machine, `A, b` of the model and `i'_ff` the plan's current as it flows (what the feedback gives
+//! is small beside it, and taken as if it were in time); between the rows of the table the reference `x_ref` is not
 //! quite the model's motion. Disturbance, innovation and distance from the plan are looked
 //! at over some plans of the table at full size; by the largest of them, times a margin and less what is allowed at rest,
 //! over the plan's force of late, the limits go further in a move ([`ModelError`](arso_core::protection::ModelError)).
@@ -25,6 +27,8 @@ use nalgebra::{DMatrix, DVector, RowDVector};
 
 /// By how much springs, last load and force constant differ.
 const DIFFERENCES: [f64; 3] = [0.3, 0.3, 0.1];
+/// By how many periods the current comes late.
+const LATE: f64 = 0.5;
 /// What is found is allowed so many times.
 const MARGIN: f64 = 1.5;
 /// Most by which disturbance and innovation may go further, over the plan's force.
@@ -50,9 +54,10 @@ pub struct Healthy {
 /// A machine under the drive's loop, as it differs from its plan.
 struct Machine {
     closed: DMatrix<f64>,
-    /// What a plan leaves unexplained of states of the plant, per state and per A of it.
+    /// What a plan leaves unexplained of states of the plant, per state and per A of it, and per A of the period before.
     by_state: DMatrix<f64>,
     by_current: DVector<f64>,
+    by_last_current: DVector<f64>,
     /// Of the measured position, per m.
     measured: DVector<f64>,
     /// Per N on each mass.
@@ -209,7 +214,7 @@ fn machines(design: &Design) -> Vec<Machine> {
     let period = design.drive.control.sample_time;
     let drive = DriveLoop::new(design, Compensation::Follows);
     let (model, ad, bd) = model(design);
-    let machine = |signs: [f64; 3]| {
+    let machine = |signs: [f64; 3], late: f64| {
         let [springs, last, force] = std::array::from_fn(|i| 1.0 + signs[i] * DIFFERENCES[i]);
         let mut chain = model.clone();
         for stiffness in &mut chain.stiffness {
@@ -230,17 +235,18 @@ fn machines(design: &Design) -> Vec<Machine> {
             closed: drive.closed(&other_ad, &other_bd),
             measured: drive.measured(&other_bd),
             by_state: &other_ad - &ad,
-            by_current: &other_bd - &bd,
+            by_current: &other_bd * (1.0 - late) - &bd,
+            by_last_current: &other_bd * late,
             by_force: by_force.collect(),
             watched: [found, innovation, distance],
         }
     };
     let signs = [-1.0, 1.0];
-    let mut machines = Vec::new();
+    let mut machines = vec![machine([0.0; 3], LATE)];
     for springs in signs {
         for last in signs {
             for force in signs {
-                machines.push(machine([springs, last, force]));
+                machines.push(machine([springs, last, force], 0.0));
             }
         }
     }
@@ -253,7 +259,7 @@ impl Machine {
     fn plays(&self, plan: &Played, base: [f64; 3]) -> [f64; 3] {
         let mut state = DVector::zeros(self.closed.nrows());
         let mut after = state.clone();
-        let mut needed = [0.0_f64; 3];
+        let (mut needed, mut last_current) = ([0.0_f64; 3], 0.0);
         let inputs = plan.currents.iter().zip(&plan.planned);
         for ((motion, beyond), (current, planned)) in plan.motion.iter().zip(inputs) {
             for (i, row) in self.watched.iter().enumerate() {
@@ -268,6 +274,8 @@ impl Machine {
             let mut of_plant = after.rows_mut(0, motion.len());
             of_plant.gemv(1.0, &self.by_state, motion, 1.0);
             of_plant.axpy(*current, &self.by_current, 1.0);
+            of_plant.axpy(last_current, &self.by_last_current, 1.0);
+            last_current = *current;
             std::mem::swap(&mut state, &mut after);
         }
         needed
