@@ -128,8 +128,11 @@ def finite_horizon(a, b, weights, r, times):
     return [(b.T @ p.reshape(n, n) / r).ravel() for p in solution.y.T]
 
 
-def controller(drive, k, transition, gain, b_mean):
+def controller(drive, k, transition, gain, b_mean, compensated):
     """The drive from measured position to command as a state-space system.
+
+    `compensated` is the share of the disturbance found that the command removes: one while the drive
+    moves, none while its compensation is held.
 
     Written as the difference equations that run in the drive; the matrices are its answers to unit
     inputs, which is all there is to know of a linear system.
@@ -157,7 +160,7 @@ def controller(drive, k, transition, gain, b_mean):
         estimate[:2] = position, velocity
         estimate[2::2] = z[0 : 2 * loads : 2] + position
         estimate[3::2] = z[1 : 2 * loads : 2]
-        command = -k @ estimate + z[-1] / k_f
+        command = -k @ estimate + compensated * z[-1] / k_f
         return np.concatenate([[position, raw, velocity, acceleration, first, second, command], z])
 
     n = 7 + len(gain)
@@ -336,13 +339,18 @@ def compare(host_sim, drive):
     result["margins_full_state"] = margins_apart(found["margins_full_state"], full_state)
     position = np.zeros((1, len(ad)))
     position[0, 0] = 1.0
-    own = controller(drive, k.ravel(), transition, gain, b_mean) * control.ss(ad, bd, -position, 0, t)
-    largest = abs(control.feedback(own, 1).poles()).max()
+    plant = control.ss(ad, bd, -position, 0, t)
+    moves, held = (
+        controller(drive, k.ravel(), transition, gain, b_mean, compensated) * plant
+        for compensated in (1.0, 0.0)
+    )
+    largest = max(abs(control.feedback(loop, 1).poles()).max() for loop in (moves, held))
     value = next(check["value"] for check in found["checks"] if check["name"] == "closed_loop")
     result["closed_loop"] = abs(value / largest - 1)
-    assert (found["margins"] is None) == (largest >= 1), (largest, found["margins"])
-    if found["margins"]:
-        result["margins"] = margins_apart(found["margins"], own)
+    for name, loop in (("margins", moves), ("margins_held", held)):
+        assert (found[name] is None) == (largest >= 1), (largest, found[name])
+        if found[name]:
+            result[name] = margins_apart(found[name], loop)
 
     horizon = found["finite_horizon"]
     times = [entry["time_to_go"] for entry in horizon]
