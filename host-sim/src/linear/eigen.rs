@@ -15,11 +15,15 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>> {
     let n = matrix.nrows();
     // Entries count as zero against their neighbours on the diagonal: as sharply as rounding allows, or
     // else less so, or else, for eigenvalues of zero with too few eigenvectors (pure delays), with all
-    // eigenvalues moved away from zero.
+    // eigenvalues moved away from zero. The transpose has the same, and its iteration takes another way.
     let size = balanced.amax();
     let attempts = [(0.0, 1.0), (0.0, 16.0), (size, 16.0), (size, 256.0)];
-    let schur = attempts.into_iter().find_map(|(shift, roundings)| {
-        let moved = &balanced + DMatrix::identity(n, n) * shift;
+    let ways = [balanced.clone(), balanced.transpose()];
+    let each = ways
+        .iter()
+        .flat_map(|way| attempts.map(|attempt| (way, attempt)));
+    let schur = each.into_iter().find_map(|(way, (shift, roundings))| {
+        let moved = way + DMatrix::identity(n, n) * shift;
         let schur = nalgebra::Schur::try_new(moved, roundings * f64::EPSILON, 1000)?;
         Some((schur, shift))
     });
