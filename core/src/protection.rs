@@ -131,6 +131,13 @@ pub(crate) struct Period<'a, const N: usize> {
     pub(crate) reference: &'a Reference<N>,
 }
 
+impl<const N: usize> Period<'_, N> {
+    /// How far the actuator is from its reference.
+    fn error(&self) -> Position {
+        Position(self.position.0 - self.reference.position.0)
+    }
+}
+
 /// All watches.
 #[derive(Clone, Debug)]
 pub(crate) struct Protection<const N: usize> {
@@ -285,9 +292,9 @@ impl<const N: usize> Protection<N> {
         let planned = self.force_constant * period.reference.feed_forward.0;
         let planned = self.limits.model_error.step(&mut memory.planned, planned);
         within::step(&self.limits, self.holding_force, planned, period)?;
-        let error = Position(period.position.0 - period.reference.position.0);
         let more = self.limits.model_error.tracking_error * planned;
-        self.tracking.step(&mut memory.tracking, error, more)?;
+        self.tracking
+            .step(&mut memory.tracking, period.error(), more)?;
         let unexplained = period.estimate.disturbance.0 + period.estimate.innovation.0;
         let forces = [self.stall.motor(*current), unexplained];
         stall::Stall::step(&mut memory.stall, reading, forces)?;

@@ -22,7 +22,7 @@ pub mod watch;
 
 use crate::design::plans::PlanTable;
 use crate::design::player::{Play, player};
-use crate::design::protection::{Healthy, Protection};
+use crate::design::protection::Protection;
 use crate::design::{Design, settling_tolerance};
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
@@ -229,27 +229,12 @@ pub(crate) struct Core<'d>(Box<dyn Corridor + 'd>);
 impl<'d> Core<'d> {
     /// A core that has proven its signs on this plant and is asked for the experiment.
     pub(crate) fn new(design: &'d Design, file: &PlantFile, scenario: &Scenario) -> Result<Self> {
-        Self::with(
-            design,
-            design.plans()?,
-            &design.protection(),
-            file,
-            scenario,
-        )
+        let plans = design.plans()?;
+        Self::with_plans(design, plans, &design.protection(), file, scenario)
     }
 
-    /// The same with plans of another design for the same machine, and limits as wide as they may be.
+    /// The same with plans of another design for the same machine, and with limits of its own.
     pub(crate) fn with_plans(
-        design: &Design,
-        plans: &'d PlanTable,
-        file: &PlantFile,
-        scenario: &Scenario,
-    ) -> Result<Self> {
-        let widest = Protection::new(design, &Healthy::widest(design));
-        Self::with(design, plans, &widest, file, scenario)
-    }
-
-    fn with(
         design: &Design,
         plans: &'d PlanTable,
         protection: &Protection,

@@ -13,7 +13,6 @@ pub(super) fn step<const N: usize>(
 ) -> Result<(), Trip> {
     let Period {
         estimate,
-        reference,
         reaction_force,
         ..
     } = period;
@@ -39,6 +38,9 @@ pub(super) fn step<const N: usize>(
         inner = *deflection;
     }
     // Last: what is worse comes first.
-    let error = period.position.0 - reference.position.0;
-    beyond(Fault::FollowingError, error, limits.following_error)
+    beyond(
+        Fault::FollowingError,
+        period.error().0,
+        limits.following_error,
+    )
 }

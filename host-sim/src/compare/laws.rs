@@ -14,6 +14,7 @@ use super::{
     Case, EncoderSettings, NotchSettings, PdSettings, ReferenceSettings, Tuning, WeightSettings,
 };
 use crate::design::Design;
+use crate::design::protection::{Healthy, Protection};
 use crate::drive::{ObserverMethod, Weights};
 use crate::error::Result;
 use crate::simulate::scenario::Scenario;
@@ -254,10 +255,11 @@ fn tuned_drive<'a>(design: &'a Design, scenario: &'a Scenario) -> Tuned<'a> {
         drive.observer.load_force_ratio = settings.load_force_ratio;
         drive.observer.disturbance_rate = settings.disturbance_rate;
         let tuned = Design::new(&drive)?;
-        // Plans do not depend on the weights.
+        // Plans do not depend on the weights; limits do, and what machines near this one need is not looked for.
         let plans = design.plans()?;
+        let widest = Protection::new(&tuned, &Healthy::widest(&tuned));
         let make: Make<'a> = Box::new(move |case: &Case| {
-            let core = Core::with_plans(&tuned, plans, &case.plant, scenario)?;
+            let core = Core::with_plans(&tuned, plans, &widest, &case.plant, scenario)?;
             Ok(Box::new(core))
         });
         Ok((Tuning::Weights(settings), make))

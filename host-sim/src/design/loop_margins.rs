@@ -108,8 +108,12 @@ fn of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::Drive;
+    use crate::drive::{Drive, PlantFile};
     use crate::linear::eigen::spectral_radius;
+    use crate::machine::ExternalForce;
+    use crate::simulate::ending::peak_to_peak;
+    use crate::simulate::scenario::Scenario;
+    use crate::simulate::{Law, simulate};
 
     fn design() -> Design {
         Design::new(&Drive::default_drive()).unwrap()
@@ -157,9 +161,6 @@ mod tests {
     /// scaled to just below the gain margin the loop's motion decays, just above it grows.
     #[test]
     fn the_simulated_drive_agrees_with_its_gain_margin() {
-        use crate::drive::PlantFile;
-        use crate::simulate::scenario::Scenario;
-        use crate::simulate::{Law, simulate};
         let design = design();
         let margins = of_drive(&design, Compensation::Follows).unwrap();
         println!("{margins:?}");
@@ -169,12 +170,7 @@ mod tests {
             plant.actuator.force_constant *= factor * 10_f64.powf(margin / 20.0);
             let scenario = Scenario::named("fig4").unwrap();
             let run = simulate(&design, &plant, scenario, Law::Core, 0.6).unwrap();
-            [200..400, 400..600].map(|part| {
-                let positions = run.samples[part].iter().map(|sample| sample.truth[0]);
-                let ends = (f64::MAX, f64::MIN);
-                let (low, high) = positions.fold(ends, |(l, h), x| (l.min(x), h.max(x)));
-                high - low
-            })
+            [200..400, 400..600].map(|part| peak_to_peak(&run.samples[part], 0))
         };
         let (below, above) = (swing(0.93), swing(1.07));
         println!("{below:?} {above:?}");
@@ -185,10 +181,6 @@ mod tests {
     /// The same of a drive at rest, whose compensation is held: a push on it decays or grows.
     #[test]
     fn the_simulated_drive_at_rest_agrees_with_its_gain_margin() {
-        use crate::drive::PlantFile;
-        use crate::machine::ExternalForce;
-        use crate::simulate::scenario::Scenario;
-        use crate::simulate::{Law, simulate};
         // Nothing but the push moves it.
         let mut drive = Drive::default_drive();
         drive.encoder.resolution = 1e-8;
@@ -211,12 +203,7 @@ mod tests {
             });
             let scenario = Scenario::named("fig4").unwrap();
             let run = simulate(&design, &plant, scenario, Law::Core, 2.2).unwrap();
-            [1610..1800, 1800..2200].map(|part| {
-                let positions = run.samples[part].iter().map(|sample| sample.truth[0]);
-                let ends = (f64::MAX, f64::MIN);
-                let (low, high) = positions.fold(ends, |(l, h), x| (l.min(x), h.max(x)));
-                high - low
-            })
+            [1610..1800, 1800..2200].map(|part| peak_to_peak(&run.samples[part], 0))
         };
         let (below, above) = (swing(0.95), swing(1.05));
         println!("{below:?} {above:?}");

@@ -70,7 +70,8 @@ impl Healthy {
     /// Looks at the plans of a design; where it has none, only what a kick does is known.
     #[must_use]
     pub fn new(design: &Design) -> Self {
-        let machines = machines(design);
+        let model = model(design);
+        let machines = machines(design, &model);
         let mut healthy = Self::without_plans(design, &machines);
         let Ok(plans) = design.plans() else {
             return healthy;
@@ -84,7 +85,7 @@ impl Healthy {
         ];
         let mut needed = [0.0_f64; 3];
         for (request, periods) in chosen(design, plans) {
-            let Ok(plan) = Played::new(design, request, periods) else {
+            let Ok(plan) = Played::new(design, &model, request, periods) else {
                 return healthy;
             };
             for machine in &machines {
@@ -109,7 +110,7 @@ impl Healthy {
     /// As wide as limits ever are.
     #[must_use]
     pub fn widest(design: &Design) -> Self {
-        Self::without_plans(design, &machines(design))
+        Self::without_plans(design, &machines(design, &model(design)))
     }
 
     fn without_plans(design: &Design, machines: &[Machine]) -> Self {
@@ -162,8 +163,11 @@ fn chosen(design: &Design, plans: &PlanTable) -> Vec<(Request, usize)> {
     chosen
 }
 
-/// The chain that plans are made for, sampled: viscous friction is fed forward beside them.
-fn model(design: &Design) -> (Chain, DMatrix<f64>, DVector<f64>) {
+/// The chain that plans are made for, sampled.
+type Model = (Chain, DMatrix<f64>, DVector<f64>);
+
+/// The one of a design: viscous friction is fed forward beside plans.
+fn model(design: &Design) -> Model {
     let mut chain = design.chain.clone();
     chain.viscous = 0.0;
     let period = design.drive.control.sample_time;
@@ -182,8 +186,8 @@ struct Played {
 }
 
 impl Played {
-    fn new(design: &Design, request: Request, periods: usize) -> Result<Self> {
-        let (_, ad, bd) = model(design);
+    fn new(design: &Design, model: &Model, request: Request, periods: usize) -> Result<Self> {
+        let (_, ad, bd) = model;
         let slowest = slowest(design) / design.drive.control.sample_time;
         let forgets = (-1.0 / slowest).exp();
         let mut player = player(design)?;
@@ -195,7 +199,7 @@ impl Played {
             let instant = player.step()?;
             let current = instant.feed_forward;
             force = (forgets * force).max((design.chain.force_constant * current).abs());
-            let next = &ad * &state + &bd * current;
+            let next = ad * &state + bd * current;
             let beyond = state[0] - instant.state[0];
             motion.push((std::mem::replace(&mut state, next), beyond));
             currents.push(current);
@@ -210,10 +214,10 @@ impl Played {
 }
 
 /// The machines that are looked at.
-fn machines(design: &Design) -> Vec<Machine> {
+fn machines(design: &Design, model: &Model) -> Vec<Machine> {
     let period = design.drive.control.sample_time;
     let drive = DriveLoop::new(design, Compensation::Follows);
-    let (model, ad, bd) = model(design);
+    let (model, ad, bd) = model;
     let machine = |signs: [f64; 3], late: f64| {
         let [springs, last, force] = std::array::from_fn(|i| 1.0 + signs[i] * DIFFERENCES[i]);
         let mut chain = model.clone();
@@ -234,8 +238,8 @@ fn machines(design: &Design) -> Vec<Machine> {
         Machine {
             closed: drive.closed(&other_ad, &other_bd),
             measured: drive.measured(&other_bd),
-            by_state: &other_ad - &ad,
-            by_current: &other_bd * (1.0 - late) - &bd,
+            by_state: &other_ad - ad,
+            by_current: &other_bd * (1.0 - late) - bd,
             by_last_current: &other_bd * late,
             by_force: by_force.collect(),
             watched: [found, innovation, distance],
