@@ -1,8 +1,8 @@
 //! Identification: from a log of current and encoder to the masses, springs and friction behind it.
 //!
 //! ```text
-//! CSV --log--> frequency response --least squares--> starts --prediction error--> machine,
-//!                                                             intervals, fit, refusal
+//! CSV --log--> record --starts--> machines --estimate--> the one that predicts it best
+//!                                              --confidence, figures--> intervals, modes, what is not known
 //! ```
 //!
 //! Current and encoder determine ratios to the force constant only, so something must be held: the force
@@ -12,23 +12,28 @@
 mod confidence;
 mod drive_file;
 mod estimate;
+mod figures;
 mod frequency;
 mod least_squares;
 mod log;
 mod parameters;
 mod predict;
+mod starts;
 
 pub use drive_file::drive_file;
+pub use figures::{Figure, Unit};
 pub use frequency::{Point, model_response, response};
 pub use log::Log;
 pub use parameters::{Experiment, Machine, Parameters, Quantity};
 
 use crate::drive::Drive;
 use crate::error::{Error, Result};
-use crate::output::Progress;
-use confidence::{correlation, covariance, require_determined};
-use estimate::{Estimate, estimate};
+use crate::output::{Progress, significant};
+use confidence::{Covariance, correlation, rivals};
+use estimate::{Estimate, Residuals, estimate};
+use nalgebra::DVector;
 use predict::simulation;
+use starts::starts;
 
 /// One quantity, identified or held.
 #[derive(Clone, Debug)]
@@ -41,6 +46,8 @@ pub struct Identified {
     pub std: f64,
     /// Whether it was taken from the drive file.
     pub held: bool,
+    /// Whether the record determines it; what it does not is as the drive file and the modes have it.
+    pub known: bool,
     /// What the drive file says.
     pub before: f64,
 }
@@ -50,11 +57,17 @@ pub struct Identified {
 pub struct Identification {
     /// Every quantity of the run.
     pub quantities: Vec<Identified>,
+    /// What is known of the whole, beside its parts.
+    pub figures: Vec<Figure>,
     /// The machine that results.
     pub machine: Machine,
     /// How much of the motion above half of the slowest mode's frequency a simulation with the
     /// recorded current explains without any correction: `100 (1 − ‖error‖ / ‖motion‖)`.
     pub fit_percent: f64,
+    /// Root mean square of the innovations, counts.
+    pub error_rms: f64,
+    /// What else should be said of it, a sentence each.
+    pub remarks: Vec<String>,
     /// Position and simulated position above that frequency, m.
     pub fitted: Vec<(f64, f64)>,
     /// Control periods at the end of the log that were left out.
@@ -74,135 +87,196 @@ const MEMORY: (f64, usize) = (1.0, 400);
 /// Least fit, %: with less the figures are those of some other machine.
 const LEAST_FIT: f64 = 50.0;
 
-/// Share of the energy exchanged below which a current has given nothing: what rounding makes of a machine
-/// without friction.
-const NOTHING: f64 = 0.01;
+/// Relative standard deviation from which a quantity counts as not known. Masses and stiffnesses: three of
+/// it are the 30 % that a design is compared over; dampings: three of it reach down to none.
+const UNKNOWN: (f64, f64) = (0.1, 1.0 / 3.0);
+/// How many figures of the whole must be known for anything to be designed: its acceleration, and the first
+/// mode.
+const FIRST: usize = 2;
+
+/// Share of the squared error that is left where the current's sign is the other one, for the wiring to be
+/// named.
+const REVERSED: f64 = 0.5;
 
 /// Identifies what is not held.
 ///
+/// * `logs`: records of the same machine
 /// * `progress`: told of each fit as its turn comes
 ///
 /// # Errors
-/// [`Error::Identification`] when the log does not determine a quantity, or no machine of this
-/// structure explains it; [`Error::Input`] when one does with the current's sign reversed.
+/// [`Error::Identification`] when the logs do not determine the machine, or no machine of this
+/// structure explains them; [`Error::Input`] when one does with the current's sign reversed.
 pub fn identify(
     drive: &Drive,
-    log: &Log,
+    logs: &[Log],
     parameters: &Parameters,
     progress: &Progress<'_>,
 ) -> Result<Identification> {
-    let message = match explain(drive, log, parameters, progress) {
-        Err(Error::Identification(message)) if log.work < NOTHING => message,
-        explained => return explained,
+    let search = Search {
+        drive,
+        logs,
+        parameters,
     };
-    // Wiring is named where it explains the whole log, and nothing less.
-    if explain(drive, &log.reversed(), parameters, progress).is_ok() {
+    let found = search.estimate(progress)?;
+    let message = match search.judge(&found) {
+        Err(Error::Identification(message)) => message,
+        judged => return judged,
+    };
+    // Wiring is named where it explains what nothing else does.
+    let reversed: Vec<Log> = logs.iter().map(Log::reversed).collect();
+    let reversed = Search {
+        logs: &reversed,
+        ..search
+    };
+    if logs.iter().all(|log| log.work < 0.0)
+        && let Ok(other) = reversed.estimate(progress)
+        && other.cost < REVERSED * found.cost
+        && reversed.judge(&other).is_ok()
+    {
         return Err(Error::Input {
-            place: log.name.clone(),
+            place: logs.first().map_or_else(String::new, |log| log.name.clone()),
             message: "the encoder counts against the current: swap the encoder's phases or the motor's leads"
                 .into(),
         });
     }
-    if log.work > -NOTHING {
-        return Err(Error::Identification(message));
-    }
-    Err(Error::Identification(format!(
-        "{message}; and the motion gives energy to the current, which it cannot from rest: the log begins with \
-         the load deflected or moving, or something else pushes the machine"
-    )))
+    Err(Error::Identification(message))
 }
 
-/// The machine behind a log, if there is one.
-fn explain(
-    drive: &Drive,
-    log: &Log,
-    parameters: &Parameters,
-    progress: &Progress<'_>,
-) -> Result<Identification> {
-    let resolution = drive.encoder.resolution;
-    let refused = |message: String| Error::Identification(message);
-    let flexible = parameters.experiment() == Experiment::Excitation;
-    let response = if flexible { response(log) } else { Vec::new() };
-    let free = parameters.free().count();
-    let starts = if flexible {
-        if response.len() < free {
+/// A search for the machine behind some records.
+#[derive(Clone, Copy)]
+struct Search<'a> {
+    drive: &'a Drive,
+    logs: &'a [Log],
+    parameters: &'a Parameters,
+}
+
+impl Search<'_> {
+    fn residuals(&self) -> Residuals<'_> {
+        let period = self.logs.first().map_or(1.0, |log| log.period);
+        Residuals::new(self.drive.encoder.resolution, period, self.parameters)
+    }
+
+    /// Of the record that excites most frequencies.
+    fn response(&self) -> Vec<Point> {
+        if self.parameters.experiment() != Experiment::Excitation {
+            return Vec::new();
+        }
+        let responses = self.logs.iter().map(response);
+        responses.max_by_key(Vec::len).unwrap_or_default()
+    }
+
+    fn estimate(&self, progress: &Progress<'_>) -> Result<Estimate> {
+        let force = self.drive.actuator.largest_force();
+        let period = self.logs.first().map_or(1.0, |log| log.period);
+        let starts = starts(self.parameters, force, &self.response(), period);
+        estimate(
+            self.logs,
+            self.parameters,
+            &self.residuals(),
+            &starts,
+            progress,
+        )
+    }
+
+    /// What is known at the end of a search.
+    fn judge(&self, estimate: &Estimate) -> Result<Identification> {
+        let refused = |message: String| Error::Identification(message);
+        let (logs, parameters) = (self.logs, self.parameters);
+        let resolution = self.drive.encoder.resolution;
+        let machine = estimate.machine.clone();
+        let slowest = machine.chain.modes().first().map(|mode| mode.frequency_hz);
+        let period = logs.first().map_or(1.0, |log| log.period);
+        let memory = slowest.map_or(MEMORY.1, |hz| (MEMORY.0 / hz / period) as usize);
+        let memory = memory.clamp(10, MEMORY.1);
+        let covariance =
+            Covariance::new(logs, &self.residuals(), estimate, memory).ok_or_else(|| {
+                refused(
+                    "the log does not determine the quantities at all: some have no effect on it"
+                        .into(),
+                )
+            })?;
+        let rivals = rivals(estimate);
+        let free_quantities: Vec<Quantity> = parameters.free().collect();
+        let size = estimate.coordinates.len();
+        let quantities: Vec<Identified> = parameters
+            .all
+            .iter()
+            .map(|(quantity, held)| {
+                let index = free_quantities.iter().position(|free| free == quantity);
+                let deviation = index.map_or(0.0, |i| {
+                    let distances = rivals.iter().map(|rival| {
+                        let distance = rival.coordinates[i] - estimate.coordinates[i];
+                        (distance.abs(), rival.likelihood)
+                    });
+                    covariance.deviation(&unit(size, i), distances)
+                });
+                // Friction that is zero within its deviation may be found just below; it cannot be.
+                let value = parameters.value(&machine, *quantity).max(0.0);
+                let std = deviation * parameters.slope(&machine, *quantity);
+                let limit = match quantity {
+                    Quantity::Damping(_) => UNKNOWN.1,
+                    _ => UNKNOWN.0,
+                };
+                Identified {
+                    quantity: *quantity,
+                    value,
+                    std,
+                    held: *held,
+                    known: *held || !quantity.positive() || std <= limit * value,
+                    before: parameters.value(parameters.start(), *quantity),
+                }
+            })
+            .collect();
+        let figures = figures::figures(parameters, &estimate.coordinates, &covariance, &rivals);
+        if let Some(figure) = figures.iter().take(FIRST).find(|figure| !figure.known()) {
             return Err(refused(format!(
-                "the motion answers the current at {} frequencies, {free} at least are needed for {free} \
-                 unknowns: excite longer, stronger or over a wider band",
-                response.len()
+                "the log does not determine {} ({} +- {}): the motion is too small, too short or too slow \
+                 for it",
+                figure.name,
+                significant(figure.value, 4),
+                significant(3.0 * figure.std, 2),
             )));
         }
-        frequency::starts(parameters, &response, log.period)
-    } else {
-        vec![parameters.start().clone()]
-    };
-
-    let Estimate {
-        machine,
-        errors,
-        slopes,
-    } = estimate(drive, log, parameters, &starts, progress)?;
-    let slowest = machine.chain.modes().first().map(|mode| mode.frequency_hz);
-    let memory = slowest.map_or(MEMORY.1, |hz| (MEMORY.0 / hz / log.period) as usize);
-    let memory = memory.clamp(10, MEMORY.1);
-    let covariance = covariance(&slopes, &errors, memory).ok_or_else(|| {
-        refused(
-            "the log does not determine the quantities at all: some have no effect on it".into(),
-        )
-    })?;
-
-    let free_quantities: Vec<Quantity> = parameters.free().collect();
-    let quantities: Vec<Identified> = parameters
-        .all
-        .iter()
-        .map(|(quantity, held)| {
-            let index = free_quantities.iter().position(|free| free == quantity);
-            let deviation = index.map_or(0.0, |i| covariance[(i, i)].max(0.0).sqrt());
-            // Friction that is zero within its deviation may be found just below; it cannot be.
-            let value = parameters.value(&machine, *quantity).max(0.0);
-            Identified {
-                quantity: *quantity,
-                value,
-                std: deviation * parameters.slope(&machine, *quantity),
-                held: *held,
-                before: parameters.value(parameters.start(), *quantity),
-            }
+        let mut fitted = Vec::new();
+        for log in logs {
+            fitted.extend(self::fitted(log, &machine, slowest.unwrap_or(1.0)));
+        }
+        let (mut error, mut motion) = (0.0, 0.0);
+        for (measured, simulated) in &fitted {
+            error += (measured - simulated).powi(2);
+            motion += measured.powi(2);
+        }
+        let fit_percent = 100.0 * (1.0 - f64::sqrt(error / motion));
+        if fit_percent.is_nan() || fit_percent < LEAST_FIT {
+            return Err(refused(format!(
+                "the best machine of this structure explains {fit_percent:.0} % of the motion, \
+                 {LEAST_FIT} % at least are needed: is the log of this drive, and of this `experiment`?"
+            )));
+        }
+        let periods: usize = logs.iter().map(|log| log.current.len()).sum();
+        let innovations = &estimate.errors[..periods];
+        let square: f64 = innovations.iter().map(|error| error * error).sum();
+        Ok(Identification {
+            quantities,
+            figures,
+            machine,
+            fit_percent,
+            error_rms: (square / periods as f64).sqrt(),
+            remarks: Vec::new(),
+            fitted,
+            left_out: logs.iter().map(|log| log.left_out).sum(),
+            correlation: (0..=memory)
+                .map(|lag| correlation(innovations, lag))
+                .collect(),
+            innovations: innovations.iter().map(|e| e * resolution).collect(),
+            response: self.response(),
         })
-        .collect();
-    require_determined(
-        &quantities,
-        &free_quantities,
-        &covariance,
-        &machine,
-        &response,
-    )?;
+    }
+}
 
-    let fitted = fitted(log, &machine, slowest.unwrap_or(1.0));
-    let (mut error, mut motion) = (0.0, 0.0);
-    for (measured, simulated) in &fitted {
-        error += (measured - simulated).powi(2);
-        motion += measured.powi(2);
-    }
-    let fit_percent = 100.0 * (1.0 - f64::sqrt(error / motion));
-    if fit_percent.is_nan() || fit_percent < LEAST_FIT {
-        return Err(refused(format!(
-            "the best machine of this structure explains {fit_percent:.0} % of the motion, {LEAST_FIT} % at \
-             least are needed: is the log of this drive, and of this `experiment`?"
-        )));
-    }
-    Ok(Identification {
-        quantities,
-        machine,
-        fit_percent,
-        fitted,
-        left_out: log.left_out,
-        correlation: (0..=memory).map(|lag| correlation(&errors, lag)).collect(),
-        innovations: errors[..log.current.len()]
-            .iter()
-            .map(|e| e * resolution)
-            .collect(),
-        response,
-    })
+/// A slope that is one coordinate.
+fn unit(size: usize, index: usize) -> DVector<f64> {
+    DVector::from_fn(size, |i, _| f64::from(u8::from(i == index)))
 }
 
 /// Measured and purely simulated position, both without what is slower than half of `frequency`, Hz.
@@ -221,6 +295,6 @@ fn fitted(log: &Log, machine: &Machine, frequency: f64) -> Vec<(f64, f64)> {
         }
         result
     };
-    let (measured, simulated) = (fast(&log.position), fast(&simulation(log, machine)));
+    let (measured, simulated) = (fast(&log.position), fast(&simulation(log, machine, &[])));
     measured.into_iter().zip(simulated).collect()
 }

@@ -17,8 +17,9 @@ use std::path::{Path, PathBuf};
 /// `host-sim excite` writes a current profile to play.
 #[derive(Debug, Args)]
 pub(super) struct IdentifyCommand {
-    /// The log.
-    log: PathBuf,
+    /// The log, or several logs of the same machine.
+    #[arg(required = true)]
+    log: Vec<PathBuf>,
     /// What is known of the drive: its sample time, encoder and limit, and roughly all else; the paper's
     /// rig when not given.
     #[arg(long, value_name = "DRIVE.toml")]
@@ -69,11 +70,17 @@ impl IdentifyCommand {
             self.hold
         };
         let parameters = Parameters::new(&drive, experiment, &hold)?;
-        let log = Log::load(&self.log, &drive)?;
-        require_same_kind(&log, &drive, self.drive.as_deref())?;
+        let logs = self
+            .log
+            .iter()
+            .map(|path| Log::load(path, &drive))
+            .collect::<Result<Vec<Log>>>()?;
+        for log in &logs {
+            require_same_kind(log, &drive, self.drive.as_deref())?;
+        }
         let result = {
             let progress = Progress::new(quiet, "frequency response");
-            identify(&drive, &log, &parameters, &|done, of, what| {
+            identify(&drive, &logs, &parameters, &|done, of, what| {
                 progress.step(done, of, what);
             })?
         };

@@ -1,52 +1,123 @@
-//! How far the figures can be trusted: covariance of the fit, and what the log does not determine.
+//! How far the figures can be trusted.
+//!
+//! The covariance of the fit takes errors that neighbouring samples share into account, but an encoder's
+//! rounding is no noise: where the actuator creeps or stands, it errs the same way for as long. So records of
+//! the identified machine are simulated and rounded, each from another place within a count, and the fit is
+//! taken one step from where it is towards each of them. What spreads wider counts.
 
-use super::{Identified, Machine, Point, Quantity};
-use crate::error::{Error, Result};
+use super::estimate::{Estimate, Residuals};
+use super::predict::simulation;
+use super::Log;
 use nalgebra::{DMatrix, DVector};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rayon::prelude::*;
 
-/// Relative standard deviation from which a quantity counts as not determined. Masses and stiffnesses:
-/// three of it are the 30 % that a design is compared over; dampings: three of it reach down to none.
-const UNDETERMINED: (f64, f64) = (0.1, 1.0 / 3.0);
-/// Correlation from which two quantities cannot be told from each other.
-const ALIKE: f64 = 0.98;
+/// Chi square by which another end of the search may be worse and still be the truth.
+const POSSIBLE: f64 = 25.0;
+/// Records that are simulated to see what rounding does to the figures.
+const SIMULATED: u64 = 24;
 
-/// Covariance of the coordinates: that of white innovations, and where they are not white the larger one
-/// that follows from how they are correlated (Newey and West, Econometrica 55, 1987).
-pub(super) fn covariance(
-    slopes: &DMatrix<f64>,
-    errors: &[f64],
-    memory: usize,
-) -> Option<DMatrix<f64>> {
-    let (rows, columns) = slopes.shape();
-    // Each coordinate in units of its own effect, so that the inverse loses no figures.
-    let sizes: Vec<f64> = slopes.column_iter().map(|column| column.norm()).collect();
-    // Written so that what is no number is refused.
-    if !sizes.iter().all(|size| *size > 0.0) {
-        return None;
+/// Covariance of the coordinates of a search, from three sides.
+#[derive(Clone, Debug)]
+pub(super) struct Covariance {
+    /// Were the innovations white.
+    white: DMatrix<f64>,
+    /// From how they are correlated (Newey and West, Econometrica 55, 1987).
+    coloured: DMatrix<f64>,
+    /// What the encoder's rounding adds.
+    rounding: DMatrix<f64>,
+}
+
+impl Covariance {
+    /// None when some coordinates have no effect at all.
+    ///
+    /// * `memory`: over how many samples innovations are correlated
+    pub(super) fn new(
+        logs: &[Log],
+        residuals: &Residuals<'_>,
+        estimate: &Estimate,
+        memory: usize,
+    ) -> Option<Self> {
+        let (slopes, errors) = (&estimate.slopes, &estimate.errors);
+        let (rows, columns) = slopes.shape();
+        // Each coordinate in units of its own effect, so that the inverse loses no figures.
+        let sizes: Vec<f64> = slopes.column_iter().map(|column| column.norm()).collect();
+        // Written so that what is no number is refused.
+        if !sizes.iter().all(|size| *size > 0.0) {
+            return None;
+        }
+        let scaled = DMatrix::from_fn(rows, columns, |i, j| slopes[(i, j)] / sizes[j]);
+        let inverse = scaled.tr_mul(&scaled).try_inverse()?;
+        let unscaled = |matrix: &DMatrix<f64>| {
+            DMatrix::from_fn(columns, columns, |i, j| {
+                matrix[(i, j)] / (sizes[i] * sizes[j])
+            })
+        };
+        let variance = errors.iter().map(|e| e * e).sum::<f64>()
+            / rows.saturating_sub(columns).max(1) as f64;
+        let scores = DMatrix::from_fn(rows, columns, |i, j| scaled[(i, j)] * errors[i]);
+        let mut spread = scores.tr_mul(&scores);
+        for lag in 1..=memory.min(rows - 1) {
+            let weight = 1.0 - lag as f64 / (memory + 1) as f64;
+            let late = scores.rows(lag, rows - lag);
+            let early = scores.rows(0, rows - lag);
+            let product = late.tr_mul(&early) * weight;
+            spread += &product + product.transpose();
+        }
+        let normal = unscaled(&inverse);
+        let result = Self {
+            white: &normal * variance,
+            coloured: unscaled(&(&inverse * spread * &inverse)),
+            rounding: rounding(logs, residuals, estimate, &normal)?,
+        };
+        let all = [&result.white, &result.coloured, &result.rounding];
+        all.iter()
+            .all(|matrix| matrix.iter().all(|value| value.is_finite()))
+            .then_some(result)
     }
-    let scaled = DMatrix::from_fn(rows, columns, |i, j| slopes[(i, j)] / sizes[j]);
-    let inverse = (scaled.transpose() * &scaled).try_inverse()?;
-    let variance = errors.iter().map(|e| e * e).sum::<f64>() / (rows - columns) as f64;
-    let white = &inverse * variance;
-    let scores = DMatrix::from_fn(rows, columns, |i, j| scaled[(i, j)] * errors[i]);
-    let mut spread = scores.transpose() * &scores;
-    for lag in 1..=memory.min(rows - 1) {
-        let weight = 1.0 - lag as f64 / (memory + 1) as f64;
-        let late = scores.rows(lag, rows - lag);
-        let early = scores.rows(0, rows - lag);
-        let product = late.transpose() * early * weight;
-        spread += &product + product.transpose();
+
+    /// Standard deviation of something by its derivatives along the coordinates: the larger of what white
+    /// and correlated innovations leave, the rounding, and no less than other ends of the search say.
+    ///
+    /// * `distances`: of those ends in this, and how unlikely each is ([`Rival::likelihood`])
+    pub(super) fn deviation(
+        &self,
+        slope: &DVector<f64>,
+        distances: impl Iterator<Item = (f64, f64)>,
+    ) -> f64 {
+        let along = |matrix: &DMatrix<f64>| slope.dot(&(matrix * slope)).max(0.0);
+        let white = along(&self.white);
+        let variance = white.max(along(&self.coloured)) + along(&self.rounding);
+        let wider = if white > 0.0 { variance / white } else { 1.0 };
+        // An end that is worse by d of chi square lies √d standard deviations away where all is linear.
+        let others = distances
+            .map(|(distance, likelihood)| (distance, likelihood / wider))
+            .filter(|(_, likelihood)| *likelihood < POSSIBLE)
+            .map(|(distance, likelihood)| distance / likelihood.max(1.0).sqrt());
+        others.fold(variance.sqrt(), f64::max)
     }
-    let coloured = &inverse * spread * &inverse;
-    // Wider of the two, correlations as the white one has them.
-    let widen = DVector::from_fn(columns, |i, _| {
-        (coloured[(i, i)] / white[(i, i)]).max(1.0).sqrt() / sizes[i]
+}
+
+/// Another end of a search.
+#[derive(Clone, Debug)]
+pub(super) struct Rival {
+    /// Coordinates of its quantities.
+    pub(super) coordinates: Vec<f64>,
+    /// By how much its chi square is worse.
+    pub(super) likelihood: f64,
+}
+
+/// The other ends of a search.
+pub(super) fn rivals(estimate: &Estimate) -> Vec<Rival> {
+    let (rows, columns) = estimate.slopes.shape();
+    let variance = 2.0 * estimate.cost / rows.saturating_sub(columns).max(1) as f64;
+    let rivals = estimate.rivals.iter().map(|end| Rival {
+        coordinates: end.coordinates.clone(),
+        likelihood: (2.0 * (end.cost - estimate.cost) / variance).max(0.0),
     });
-    let result = DMatrix::from_fn(columns, columns, |i, j| white[(i, j)] * widen[i] * widen[j]);
-    result
-        .iter()
-        .all(|value| value.is_finite())
-        .then_some(result)
+    rivals.collect()
 }
 
 /// Correlation of the innovations with themselves, `lag` samples later.
@@ -56,63 +127,67 @@ pub(super) fn correlation(errors: &[f64], lag: usize) -> f64 {
     pairs.map(|(a, b)| a * b).sum::<f64>() / all
 }
 
-/// Refuses what the log does not determine, with the reason.
-pub(super) fn require_determined(
-    quantities: &[Identified],
-    free: &[Quantity],
-    covariance: &DMatrix<f64>,
-    machine: &Machine,
-    response: &[Point],
-) -> Result<()> {
-    for identified in quantities
+/// Covariance of the coordinates that the encoder's rounding gives: over records of the estimated machine
+/// that are rounded anew.
+///
+/// * `inverse`: of the normal equations
+fn rounding(
+    logs: &[Log],
+    residuals: &Residuals<'_>,
+    estimate: &Estimate,
+    inverse: &DMatrix<f64>,
+) -> Option<DMatrix<f64>> {
+    let resolution = residuals.resolution();
+    let machine = &estimate.machine;
+    // The force that the filter found beside the current keeps the simulation where the record is.
+    let pushes: Vec<Vec<f64>> = logs
         .iter()
-        .filter(|q| !q.held && q.quantity.positive())
-    {
-        let relative = identified.std / identified.value;
-        let limit = match identified.quantity {
-            Quantity::Damping(_) => UNDETERMINED.1,
-            _ => UNDETERMINED.0,
-        };
-        // Written so that what is no number is refused.
-        if relative <= limit {
-            continue;
+        .map(|log| Some(residuals.prediction(log, machine, estimate.noise)?.wander))
+        .collect::<Option<_>>()?;
+    let tracks: Vec<Vec<f64>> = logs
+        .iter()
+        .zip(&pushes)
+        .map(|(log, push)| simulation(log, machine, push))
+        .collect();
+    // What the innovations of a record say about each coordinate.
+    let score = |logs: &[Log]| -> Option<DVector<f64>> {
+        let mut errors = Vec::new();
+        for log in logs {
+            errors.extend(residuals.prediction(log, machine, estimate.noise)?.innovations);
         }
-        let name = identified.quantity.name();
-        let index = free.iter().position(|q| *q == identified.quantity);
-        let twin = index.and_then(|i| {
-            let correlated = |j: usize| {
-                (covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()).abs()
-            };
-            (0..free.len())
-                .filter(|j| *j != i)
-                .map(|j| (j, correlated(j)))
-                .max_by(|a, b| a.1.total_cmp(&b.1))
-        });
-        let highest = response
-            .last()
-            .map(|point| point.omega / std::f64::consts::TAU);
-        let unexcited = machine
-            .chain
-            .modes()
-            .into_iter()
-            .find(|mode| highest.is_some_and(|highest| mode.frequency_hz > highest));
-        let why = match (unexcited, twin) {
-            (Some(mode), _) => format!(
-                "the current excites nothing above {:.1} Hz, and a mode lies at {:.1} Hz",
-                highest.unwrap_or(0.0),
-                mode.frequency_hz
-            ),
-            (None, Some((j, correlated))) if correlated > ALIKE => format!(
-                "it cannot be told from {other}: hold one of them (`hold` {other})",
-                other = free[j].name()
-            ),
-            _ => "it hardly shows in the motion: excite longer, stronger or where the modes are"
-                .into(),
-        };
-        return Err(Error::Identification(format!(
-            "the log does not determine {name} (standard deviation {:.0} % of it): {why}",
-            100.0 * relative
-        )));
-    }
-    Ok(())
+        let errors = DVector::from_vec(errors);
+        Some(estimate.slopes.rows(0, errors.len()).tr_mul(&errors))
+    };
+    let unrounded: Vec<Log> = logs
+        .iter()
+        .zip(&tracks)
+        .map(|(log, track)| Log {
+            position: track.clone(),
+            ..log.clone()
+        })
+        .collect();
+    let exact = score(&unrounded)?;
+    let steps: Vec<DVector<f64>> = (0..SIMULATED)
+        .into_par_iter()
+        .map(|seed| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let rounded: Vec<Log> = logs
+                .iter()
+                .zip(&tracks)
+                .map(|(log, track)| {
+                    let place: f64 = random.random_range(-0.5..0.5);
+                    let count = |x: &f64| (x / resolution + place).round() * resolution;
+                    Log {
+                        position: track.iter().map(count).collect(),
+                        ..log.clone()
+                    }
+                })
+                .collect();
+            Some(inverse * (score(&rounded)? - &exact))
+        })
+        .collect::<Option<_>>()?;
+    let size = inverse.nrows();
+    Some(DMatrix::from_fn(size, size, |i, j| {
+        steps.iter().map(|step| step[i] * step[j]).sum::<f64>() / SIMULATED as f64
+    }))
 }

@@ -7,6 +7,7 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::DMatrix;
 use nalgebra_034::storage::Owned;
 use nalgebra_034::{DMatrix as CrateMatrix, DVector as CrateVector, Dyn};
+use rayon::prelude::*;
 
 /// Width of the differences, in coordinates that are logarithms or of the order of one.
 const WIDTH: f64 = 1e-4;
@@ -28,7 +29,7 @@ struct Problem<'a, F> {
     residuals: &'a F,
 }
 
-/// Derivatives of the residuals, a column for each coordinate; on two threads.
+/// Derivatives of the residuals, a column for each coordinate, in parallel.
 pub(super) fn jacobian<F>(residuals: &F, at: &[f64]) -> Option<DMatrix<f64>>
 where
     F: Fn(&[f64]) -> Option<Vec<f64>> + Sync,
@@ -48,15 +49,10 @@ where
                 .collect(),
         )
     };
-    let middle = at.len() / 2;
-    let columns = |range: std::ops::Range<usize>| range.map(column).collect::<Option<Vec<_>>>();
-    let (first, second) = std::thread::scope(|scope| {
-        let first = scope.spawn(|| columns(0..middle));
-        let second = columns(middle..at.len());
-        (first.join().ok().flatten(), second)
-    });
-    let mut all = first?;
-    all.extend(second?);
+    let all: Vec<Vec<f64>> = (0..at.len())
+        .into_par_iter()
+        .map(column)
+        .collect::<Option<_>>()?;
     let rows = all.first()?.len();
     Some(DMatrix::from_vec(rows, at.len(), all.concat()))
 }

@@ -38,6 +38,8 @@ pub struct Log {
 const FEWEST: usize = 200;
 /// More rows say little more, and take minutes.
 const MOST: usize = 60_000;
+/// Rows of standstill at the end that are kept: more say nothing.
+const STANDING: usize = 100;
 /// Counts by which the first period may move the actuator beyond what its current can do.
 const REST: f64 = 8.0;
 
@@ -321,7 +323,10 @@ fn moving(rows: &[Row]) -> &[Row] {
     let first = rows.first().map_or(0, |row| row.count);
     let moves = |row: &Row| row.current != 0.0 || (row.count - first).abs() as f64 > REST;
     let at = rows.iter().position(moves).unwrap_or(0);
-    &rows[at.saturating_sub(1)..]
+    let last = rows.last().map_or(0, |row| row.count);
+    let end = rows.iter().rposition(|row| (row.count - last).abs() > 1);
+    let end = end.map_or(rows.len(), |end| (end + 1 + STANDING).min(rows.len()));
+    &rows[at.saturating_sub(1)..end]
 }
 
 /// Counts from the first row on, without the counter's wrapping; line and size of a jump.

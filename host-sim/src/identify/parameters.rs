@@ -107,6 +107,8 @@ pub struct Parameters {
     pub(super) all: Vec<(Quantity, bool)>,
     /// Amounts by which friction varies: viscous, Coulomb.
     scale: (f64, f64),
+    /// Of the slowest mode, rad/s.
+    rate: f64,
 }
 
 impl Parameters {
@@ -173,7 +175,13 @@ impl Parameters {
             },
             all,
             scale: (0.1 * total * rate, 0.1 * force),
+            rate,
         })
+    }
+
+    /// Rate of the drive file's slowest mode, rad/s.
+    pub(super) fn rate(&self) -> f64 {
+        self.rate
     }
 
     /// What the run is of.

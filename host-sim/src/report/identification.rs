@@ -3,7 +3,8 @@
 use super::plot::{Panel, Series, panels};
 use crate::drive::Drive;
 use crate::error::Result;
-use crate::identify::{Experiment, Identification, model_response};
+use crate::identify::{Experiment, Identification, Unit, model_response};
+use crate::machine::Units;
 use crate::output::significant;
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use serde::Serialize;
@@ -13,10 +14,10 @@ use std::collections::BTreeMap;
 /// A quantity in JSON.
 #[derive(Clone, Debug, Serialize)]
 struct Entry {
-    /// SI.
-    value: f64,
+    /// SI; nothing where the record does not determine it.
+    value: Option<f64>,
     /// Standard deviation.
-    std: f64,
+    std: Option<f64>,
     /// Unit.
     unit: &'static str,
     /// Whether it was taken from the drive file.
@@ -29,19 +30,46 @@ pub fn json(drive: &Drive, identification: &Identification) -> serde_json::Value
     let units = drive.kind.units();
     let entries = identification.quantities.iter().map(|identified| {
         let entry = Entry {
-            value: identified.value,
-            std: identified.std,
+            value: identified.known.then_some(identified.value),
+            std: identified.known.then_some(identified.std),
             unit: identified.quantity.unit(units),
             held: identified.held,
         };
         (identified.quantity.name(), entry)
     });
     let entries: BTreeMap<String, Entry> = entries.collect();
+    let figures: Vec<_> = identification
+        .figures
+        .iter()
+        .map(|figure| {
+            json!({
+                "name": figure.name,
+                "value": figure.known().then_some(figure.value),
+                "std": figure.known().then_some(figure.std),
+                "unit": unit(figure.unit, units),
+            })
+        })
+        .collect();
     json!({
         "parameters": entries,
+        "figures": figures,
+        "remarks": identification.remarks,
+        "error_rms_counts": identification.error_rms,
         "fit_percent": identification.fit_percent,
     })
 }
+
+/// Unit of a figure.
+fn unit(unit: Unit, units: &Units) -> String {
+    match unit {
+        Unit::AccelerationPerAmpere => format!("({})/A", units.acceleration),
+        Unit::Hertz => "Hz".into(),
+        Unit::One => "1".into(),
+    }
+}
+
+/// What is not known from the log.
+const NOT_KNOWN: &str = "not known";
 
 /// Every quantity with three standard deviations, and what the drive file said.
 #[must_use]
@@ -65,6 +93,17 @@ pub fn table(drive: &Drive, identification: &Identification) -> String {
         } else {
             format!("{:.2e}", 3.0 * identified.std)
         };
+        if !identified.known {
+            table.add_row([
+                Cell::new(identified.quantity.name()),
+                right(NOT_KNOWN.into()),
+                right(String::new()),
+                Cell::new(identified.quantity.unit(units)),
+                right(significant(identified.before, 6)),
+                right(String::new()),
+            ]);
+            continue;
+        }
         let change = if identified.held || identified.before == 0.0 {
             String::new()
         } else {
@@ -83,8 +122,29 @@ pub fn table(drive: &Drive, identification: &Identification) -> String {
         0 => String::new(),
         periods => format!("the last {periods} control periods of the log were not needed\n"),
     };
+    let mut whole = Table::new();
+    whole.load_style(presets::ASCII_MARKDOWN);
+    whole.set_header(["of the whole", "value", "+- 3 sigma", "unit"]);
+    for figure in &identification.figures {
+        let [value, deviation] = if figure.known() {
+            [significant(figure.value, 6), format!("{:.2e}", 3.0 * figure.std)]
+        } else {
+            [NOT_KNOWN.into(), String::new()]
+        };
+        whole.add_row([
+            Cell::new(&figure.name),
+            right(value),
+            right(deviation),
+            Cell::new(unit(figure.unit, units)),
+        ]);
+    }
+    let remarks: String = identification
+        .remarks
+        .iter()
+        .map(|remark| format!("{remark}\n"))
+        .collect();
     format!(
-        "{table}\nfit: {:.2} % of the motion above half of the slowest mode, simulated from the current \
+        "{table}\n{whole}\n{remarks}fit: {:.2} % of the motion above half of the slowest mode, simulated from the current \
          alone\n{left_out}",
         identification.fit_percent
     )
