@@ -11,7 +11,7 @@ use super::log::Log;
 use super::parameters::Machine;
 use crate::linear::dlqe::dlqe;
 use crate::linear::zoh::zero_order_hold;
-use crate::machine::Motion;
+use crate::machine::{Mechanics, Motion};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
 /// Densities of the random force, N/√Hz, and of the wandering force, N/√s, over the standard deviation
@@ -48,7 +48,8 @@ pub(super) fn innovations(
     output[0] = 1.0;
     let correction = dlqe(&a, &transition, &output, &densities, 1.0, log.period).ok()?;
 
-    let mut motion = Motion::new(&machine.chain, machine.coulomb, log.period);
+    let mechanics = Mechanics::of_chain(&machine.chain, machine.coulomb);
+    let mut motion = Motion::new(&mechanics, log.period);
     for position in motion.state_mut().iter_mut().step_by(2) {
         *position = origin * scale;
     }
@@ -71,7 +72,8 @@ pub(super) fn innovations(
 
 /// Position of the actuator in a simulation that is never corrected, m.
 pub(super) fn simulation(log: &Log, machine: &Machine) -> Vec<f64> {
-    let mut motion = Motion::new(&machine.chain, machine.coulomb, log.period);
+    let mechanics = Mechanics::of_chain(&machine.chain, machine.coulomb);
+    let mut motion = Motion::new(&mechanics, log.period);
     let mut result = vec![0.0];
     for current in &log.current {
         motion.advance(machine.chain.force_constant * current);
