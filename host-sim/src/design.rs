@@ -271,7 +271,7 @@ impl Design {
         let friction = &self.drive.friction;
         FrictionFeedForward {
             coulomb: friction.coulomb as f32,
-            viscous: friction.viscous as f32,
+            viscous: self.drive.viscous() as f32,
             smoothing: (SMOOTHING * self.motion.velocity) as f32,
         }
     }

@@ -341,6 +341,12 @@ impl Drive {
         })
     }
 
+    /// Viscous friction of actuator and loads against the ground, N s/m.
+    #[must_use]
+    pub fn viscous(&self) -> f64 {
+        self.friction.viscous + self.loads.iter().map(|load| load.viscous).sum::<f64>()
+    }
+
     /// Mass of actuator and loads, kg.
     #[must_use]
     pub fn total_mass(&self) -> f64 {

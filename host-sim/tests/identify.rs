@@ -85,6 +85,7 @@ fn a_drive_that_differs_is_found_and_written() {
     plant.friction = Friction {
         coulomb: 0.15,
         viscous: 0.2,
+        ..Friction::default()
     };
     let directory = tempfile::tempdir().unwrap();
     let toml = directory.path().join("identified.toml");

@@ -45,16 +45,19 @@ pub fn drives() -> Vec<(String, Drive)> {
             mass: 0.03,
             stiffness: 500.0,
             damping: 0.4,
+            ..Load::default()
         },
         Load {
             mass: 0.01,
             stiffness: 150.0,
             damping: 0.02,
+            ..Load::default()
         },
         Load {
             mass: 0.05,
             stiffness: 900.0,
             damping: 0.3,
+            ..Load::default()
         },
     ];
     drives.push(("uneven chain, unequal cutoffs".into(), uneven));

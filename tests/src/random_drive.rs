@@ -34,6 +34,7 @@ pub(crate) fn machine(random: &mut ChaCha8Rng, most: i32, heaviest: f64) -> (Dri
                 mass,
                 stiffness,
                 damping,
+                ..Load::default()
             }
         })
         .collect();

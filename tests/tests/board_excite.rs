@@ -25,6 +25,7 @@ fn machine() -> (Drive, PlantFile) {
         friction: Friction {
             coulomb: 0.1,
             viscous: 0.2,
+            ..Friction::default()
         },
         ..PlantFile::from(&drive)
     };

@@ -45,6 +45,9 @@ impl Modal {
         };
         let mut friction = assemble(&chain.damping);
         friction[(0, 0)] += chain.viscous / chain.mass[0];
+        for (mass, viscous) in (1..n).zip(&chain.ground) {
+            friction[(mass, mass)] += viscous / chain.mass[mass];
+        }
         let stiffness = assemble(&chain.stiffness);
         let eigen = nalgebra::SymmetricEigen::try_new(stiffness, f64::EPSILON, 10_000)
             .ok_or_else(|| NoSolution("an eigenvalue iteration did not converge".into()))?;

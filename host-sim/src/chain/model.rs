@@ -18,6 +18,8 @@ pub struct Chain {
     pub damping: Vec<f64>,
     /// Viscous friction of the actuator against the ground, N s/m.
     pub viscous: f64,
+    /// The same of each load, N s/m; none of those without an entry.
+    pub ground: Vec<f64>,
     /// Force constant, N/A.
     pub force_constant: f64,
 }
@@ -32,7 +34,19 @@ impl Chain {
             stiffness: vec![stiffness; 3],
             damping: vec![damping; 3],
             viscous: 0.0,
+            ground: Vec::new(),
             force_constant: 6.43,
+        }
+    }
+
+    /// The same without friction against the ground: what plans are made for, beside which friction is fed
+    /// forward.
+    #[must_use]
+    pub fn without_ground(&self) -> Self {
+        Self {
+            viscous: 0.0,
+            ground: Vec::new(),
+            ..self.clone()
         }
     }
 
@@ -57,6 +71,9 @@ impl Chain {
             a[(2 * element, 2 * element + 1)] = 1.0;
         }
         a[(1, 1)] = -self.viscous / self.mass[0];
+        for (mass, viscous) in (1..self.mass.len()).zip(&self.ground) {
+            a[(2 * mass + 1, 2 * mass + 1)] = -viscous / self.mass[mass];
+        }
         for (spring, (k, c)) in self.stiffness.iter().zip(&self.damping).enumerate() {
             let (inner, outer) = (2 * spring, 2 * spring + 2);
             for (element, sign) in [(inner, -1.0), (outer, 1.0)] {

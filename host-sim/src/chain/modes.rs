@@ -35,7 +35,10 @@ impl Chain {
             }
             matrix
         };
-        let damping = assemble(&self.damping);
+        let mut damping = assemble(&self.damping);
+        for (mass, viscous) in (1..n).zip(&self.ground) {
+            damping[(mass, mass)] += viscous / self.mass[mass];
+        }
         let eigen = assemble(&self.stiffness).symmetric_eigen();
         let mut modes: Vec<Mode> = eigen
             .eigenvalues
@@ -87,6 +90,7 @@ mod tests {
             stiffness: vec![100.0],
             damping: vec![0.2],
             viscous: 0.0,
+            ground: Vec::new(),
             force_constant: 1.0,
         };
         let mode = &pair.modes()[0];

@@ -444,6 +444,7 @@ mod tests {
             damping: vec![0.02 * reduced * angular],
             force_constant: force,
             viscous: 0.0,
+            ground: Vec::new(),
         };
         let acceleration = 2.0 * force / (mass[0] + mass[1]);
         let prepared = Prepared::new(&chain, 2.0).unwrap();

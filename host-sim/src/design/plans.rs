@@ -114,7 +114,7 @@ fn cruising(distance: f64, displacement: f64, change: f64) -> f64 {
 pub fn path_limits(design: &Design) -> Result<PathLimits> {
     let (drive, motion) = (&design.drive, &design.motion);
     let actuator = &drive.actuator;
-    let friction = drive.friction.coulomb + drive.friction.viscous * motion.velocity;
+    let friction = drive.friction.coulomb + drive.viscous() * motion.velocity;
     let taken = (friction + actuator.holding_force.abs()) / design.chain.force_constant;
     let current = motion.current_share * actuator.current_limit - taken;
     if current <= 0.0 {
@@ -212,8 +212,7 @@ fn failed(error: NoSolution) -> Error {
 
 impl<'a> Maker<'a> {
     fn new(design: &'a Design, limits: PathLimits, step: f64) -> Result<Self> {
-        let mut chain = design.chain.clone();
-        chain.viscous = 0.0;
+        let chain = design.chain.without_ground();
         let (ad, bd) = zero_order_hold(&chain.a(), &chain.b(), step);
         Ok(Self {
             design,

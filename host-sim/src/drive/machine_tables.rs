@@ -79,6 +79,8 @@ impl Document<'_> {
             force_constant,
             current_limit,
             current_resolution,
+            delay: 0.0,
+            lag: 0.0,
         })
     }
 
@@ -123,6 +125,8 @@ impl Document<'_> {
                         units.stiffness,
                     )?,
                     damping: self.positive(&key("damping"), &load.damping, units.damping)?,
+                    viscous: 0.0,
+                    coulomb: 0.0,
                 })
             })
             .collect()
@@ -138,6 +142,9 @@ impl Document<'_> {
             |key: &str, value: &Option<Number>, unit| self.not_negative(key, value.as_ref(), unit);
         Ok(Friction {
             coulomb: value("friction.coulomb", &raw.coulomb, units.force)?,
+            coulomb_backward: None,
+            breakaway: 0.0,
+            stribeck_velocity: 0.0,
             viscous: value("friction.viscous", &raw.viscous, units.damping)?,
         })
     }

@@ -186,7 +186,11 @@ fn friction_does_not_make_it_creep() {
     for signal in [Signal::Multisine, Signal::Chirp] {
         for (coulomb, viscous) in [(0.05, 0.0), (0.1, 0.2), (1.0, 0.0)] {
             let mut drive = Drive::default_drive();
-            drive.friction = Friction { coulomb, viscous };
+            drive.friction = Friction {
+                coulomb,
+                viscous,
+                ..Friction::default()
+            };
             let travel = |repetitions| {
                 let request = ExcitationRequest {
                     signal,

@@ -12,7 +12,7 @@
 use super::log::Log;
 use super::parameters::Machine;
 use crate::linear::dare;
-use crate::machine::Motion;
+use crate::machine::{Mechanics, Motion};
 use nalgebra::{DMatrix, DVector};
 
 /// Densities of the random force, N/√Hz, and of the wandering force, N/√s, over the standard deviation
@@ -100,7 +100,7 @@ pub(super) struct Prediction {
 pub(super) fn predict(log: &Log, machine: &Machine, gain: &Gain, scale: f64) -> Option<Prediction> {
     let chain = &machine.chain;
     let n = chain.states();
-    let mut motion = Motion::new(&machine.chain, machine.coulomb, log.period);
+    let mut motion = Motion::new(&Mechanics::of_chain(&machine.chain, machine.coulomb), log.period);
     for position in motion.state_mut().iter_mut().step_by(2) {
         *position = log.position[0];
     }
@@ -132,7 +132,7 @@ pub(super) fn predict(log: &Log, machine: &Machine, gain: &Gain, scale: f64) -> 
 ///
 /// * `push`: force beside the current's, N, over each period; nothing where it ends
 pub(super) fn simulation(log: &Log, machine: &Machine, push: &[f64]) -> Vec<f64> {
-    let mut motion = Motion::new(&machine.chain, machine.coulomb, log.period);
+    let mut motion = Motion::new(&Mechanics::of_chain(&machine.chain, machine.coulomb), log.period);
     let mut result = vec![0.0];
     for (k, current) in log.current.iter().enumerate() {
         let push = push.get(k).copied().unwrap_or(0.0);

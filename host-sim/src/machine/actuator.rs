@@ -25,6 +25,10 @@ pub struct Actuator {
     pub holding_force: f64,
     /// Whether a brake holds the actuator while the amplifier is off.
     pub brake: bool,
+    /// By which the force comes late behind the command, s.
+    pub delay: f64,
+    /// Time constant of the force's first-order lag behind the current, s; none: 0.
+    pub lag: f64,
 }
 
 impl Actuator {

@@ -9,11 +9,8 @@ use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::linear::zoh::zero_order_hold;
 use crate::machine::motion::PARTS;
-use crate::machine::{ExternalForce, Motion, chain_of};
+use crate::machine::{ExternalForce, Mechanics, Motion};
 use nalgebra::DVector;
-
-/// Friction of a brake, N: more than anything overcomes.
-const BRAKE: f64 = 1e12;
 
 /// Where the loads are at rest under the steady forces while the actuator is held at the origin: each spring
 /// carries what pulls at the masses beyond it.
@@ -45,8 +42,8 @@ pub struct Plant {
     forces: Vec<(ExternalForce, DVector<f64>)>,
     part: f64,
     motion: Motion,
-    /// The same under friction that nothing overcomes, where there is a brake.
-    braked: Option<Motion>,
+    /// Whether there is a brake.
+    brake: bool,
     /// Whether the amplifier is on.
     enabled: bool,
     /// State in which it hangs under the steady forces, the actuator held.
@@ -61,19 +58,16 @@ impl Plant {
     /// * `period`: of the control, s
     #[must_use]
     pub fn new(file: &PlantFile, period: f64) -> Self {
-        let chain = chain_of(&file.actuator, &file.loads, file.friction.viscous);
+        let mechanics = Mechanics::new(&file.actuator, &file.loads, &file.friction);
+        let chain = mechanics.chain.clone();
         let part = period / f64::from(PARTS);
         let a = chain.a();
         let forces = file.forces.iter().map(|force| {
             let (_, response) = zero_order_hold(&a, &chain.force_input(force.mass), part);
             (force.clone(), response)
         });
-        let braked = file
-            .actuator
-            .brake
-            .then(|| Motion::new(&chain, BRAKE, period));
         let hanging = hanging(&chain, &file.forces);
-        let mut motion = Motion::new(&chain, file.friction.coulomb, period);
+        let mut motion = Motion::new(&mechanics, period);
         motion.state_mut().copy_from(&hanging);
         Self {
             current_limit: file.actuator.current_limit,
@@ -82,7 +76,7 @@ impl Plant {
             forces: forces.collect(),
             part,
             motion,
-            braked,
+            brake: file.actuator.brake,
             enabled: false,
             hanging,
             parts: 0,
@@ -142,22 +136,18 @@ impl Plant {
     pub fn advance(&mut self, current: f64) -> Result<()> {
         let current = current.clamp(-self.current_limit, self.current_limit);
         let motor = current * self.chain.force_constant;
-        let held = self.braked.is_some() && !self.enabled;
+        let held = self.brake && !self.enabled;
         let begin = self.parts as f64 * self.part;
         let end = begin + f64::from(PARTS) * self.part;
         let acts = |force: &ExternalForce| {
             force.newton != 0.0 && force.start < end && begin < force.start + force.duration
         };
-        let motion = match &mut self.braked {
-            Some(braked) if held => {
-                braked.state_mut().copy_from(self.motion.state());
-                braked
-            }
-            _ => &mut self.motion,
-        };
+        let motion = &mut self.motion;
+        motion.brake(held);
+        let place = motion.state()[0];
         if held || self.forces.iter().any(|(force, _)| acts(force)) {
             let (forces, parts, length) = (&self.forces, self.parts, self.part);
-            motion.in_parts(motor, |part, state| {
+            motion.in_parts(motor, |part, _, state| {
                 let begin = (parts + u64::from(part)) as f64 * length;
                 for (force, response) in forces {
                     // The mean over the part, so that no force loses its momentum.
@@ -172,12 +162,10 @@ impl Plant {
             motion.advance(motor);
         }
         self.parts += u64::from(PARTS);
-        if let Some(braked) = self.braked.as_ref().filter(|_| held) {
-            let state = self.motion.state_mut();
+        if held {
             // The brake holds to the last digit.
-            let actuator = [state[0], 0.0];
-            state.copy_from(braked.state());
-            [state[0], state[1]] = actuator;
+            let state = self.motion.state_mut();
+            (state[0], state[1]) = (place, 0.0);
         }
         if self.state().iter().all(|x| x.is_finite()) {
             Ok(())
@@ -246,7 +234,7 @@ mod tests {
     fn coulomb_friction_sticks_and_slides() {
         let friction = Friction {
             coulomb: 0.5,
-            viscous: 0.0,
+            ..Friction::default()
         };
         let mut plant = plant(|file| {
             file.friction = friction;
@@ -282,12 +270,13 @@ mod tests {
             file.friction = Friction {
                 coulomb: 0.2,
                 viscous: 0.3,
+                ..Friction::default()
             };
         });
         let mut in_steps = at_once.clone();
         for _ in 0..100 {
             at_once.advance(1.0).unwrap();
-            in_steps.motion.in_parts(6.43, |_, _| ());
+            in_steps.motion.in_parts(6.43, |_, _, _| ());
         }
         assert!((at_once.state() - in_steps.state()).amax() < 1e-11);
         assert!(at_once.state()[1] > 0.1 && at_once.motion.at_once(6.43));

@@ -38,7 +38,7 @@ pub fn stillness(design: &Design) -> Result<Check> {
     let mut largest = 0.0_f64;
     for times in FRICTION {
         let mut plant = stated.clone();
-        plant.friction.coulomb *= times;
+        plant.friction = stated.friction.times(times);
         let run = match simulate(design, &plant, &scenario, Law::Core, from + WATCHED) {
             Ok(run) => run,
             // It does not start.
@@ -51,7 +51,7 @@ pub fn stillness(design: &Design) -> Result<Check> {
             let motion = peak_to_peak(&run.samples[end..], 0);
             largest = largest.max(motion / resolution);
         }
-        if stated.friction.coulomb == 0.0 {
+        if !stated.friction.dry().any() {
             break;
         }
     }

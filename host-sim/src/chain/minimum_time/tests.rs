@@ -195,6 +195,7 @@ proptest! {
             stiffness: stiffness[..loads].iter().map(|k| k * unit * rate).collect(),
             damping: stiffness[..loads].iter().map(|k| 1e-4 * k * unit * rate).collect(),
             viscous: 0.0,
+            ground: Vec::new(),
             force_constant: unit,
         };
         let period = 1.0 / (frequency * samples);

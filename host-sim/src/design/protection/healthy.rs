@@ -168,8 +168,7 @@ type Model = (Chain, DMatrix<f64>, DVector<f64>);
 
 /// The one of a design: viscous friction is fed forward beside plans.
 fn model(design: &Design) -> Model {
-    let mut chain = design.chain.clone();
-    chain.viscous = 0.0;
+    let chain = design.chain.without_ground();
     let period = design.drive.control.sample_time;
     let (ad, bd) = zero_order_hold(&chain.a(), &chain.b(), period);
     (chain, ad, bd)
