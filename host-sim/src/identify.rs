@@ -20,7 +20,7 @@ mod predict;
 
 pub use drive_file::drive_file;
 pub use frequency::{Point, model_response, response};
-pub use log::Log;
+pub use log::{Columns, Log};
 pub use parameters::{Experiment, Machine, Parameters, Quantity};
 
 use crate::drive::Drive;
