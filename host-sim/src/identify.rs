@@ -23,7 +23,7 @@ mod starts;
 pub use drive_file::drive_file;
 pub use figures::{Figure, Unit};
 pub use frequency::{Point, model_response, response};
-pub use log::Log;
+pub use log::{Columns, Log};
 pub use parameters::{Experiment, Machine, Parameters, Quantity};
 
 use crate::drive::Drive;

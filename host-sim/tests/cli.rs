@@ -281,8 +281,8 @@ fn bad_drives_get_one_sentence_that_says_where() {
         ),
         (
             "counter_bits = 16",
-            "counter_bits = 24",
-            ":12: encoder.counter_bits = 24: must be 16 or 32",
+            "counter_bits = 33",
+            ":12: encoder.counter_bits = 33: must be 2 to 32",
         ),
         (
             "counter_bits = 16",

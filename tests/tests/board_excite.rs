@@ -10,7 +10,7 @@ use host_sim::capture::{Capture, read_defmt};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::excite::{ExcitationPlan, ExcitationRequest};
-use host_sim::identify::{Experiment, Log, Parameters, identify};
+use host_sim::identify::{Columns, Experiment, Log, Parameters, identify};
 use host_sim::machine::Friction;
 use host_sim::output::unwatched;
 use host_sim::report::log::csv;
@@ -352,7 +352,7 @@ fn the_machine_is_identified_from_the_boards_log() {
     let mut rig = start(&drive, &plant);
     rig.excite().unwrap();
     let csv = csv(&decode(&rig), drive.control.sample_time, drive.kind).unwrap();
-    let log = Log::parse(&csv[..], "log.csv", &drive).unwrap();
+    let log = Log::parse(&csv[..], "log.csv", &drive, &Columns::default()).unwrap();
     let hold = ["actuator.force_constant".to_owned()];
     let parameters = Parameters::new(&drive, Experiment::Excitation, &hold).unwrap();
     let found = identify(&drive, &log, &parameters, &unwatched)

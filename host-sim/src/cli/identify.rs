@@ -5,7 +5,7 @@ use crate::capture::Origin;
 use crate::design::Design;
 use crate::drive::{DEFAULT_DRIVE, DEFAULT_NAME, Drive};
 use crate::error::{Error, Result};
-use crate::identify::{Experiment, Log, Parameters, drive_file, identify};
+use crate::identify::{Columns, Experiment, Log, Parameters, drive_file, identify};
 use crate::output::{print, write_file};
 use crate::report::identification;
 use clap::{Args, ValueEnum};
@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 
 /// Identify masses, springs and friction from a log of encoder and current.
 ///
-/// The log is a CSV with the columns `time[s]`, `count[1]` and `applied_current[A]`, as `capture` writes it;
-/// `host-sim excite` writes a current profile to play.
+/// The log is a CSV with the columns `time[s]`, `count[1]` and `applied_current[A]`, as `capture` writes it, or
+/// with others that `--column` names; `host-sim excite` writes a current profile to play.
 #[derive(Debug, Args)]
 pub(super) struct IdentifyCommand {
     /// The log, or several logs of the same machine.
@@ -31,6 +31,10 @@ pub(super) struct IdentifyCommand {
     /// times. When not given: the force constant.
     #[arg(long, value_name = "KEY")]
     hold: Vec<String>,
+    /// Names of the log's columns where they are others: WHAT is time, count, position (instead of count),
+    /// current or mode; units in brackets, such as `t[ms]`, are understood.
+    #[arg(long, value_name = "WHAT=NAME,…")]
+    column: Vec<Columns>,
     /// Write the drive file with the identified values.
     #[arg(long, value_name = "PATH")]
     toml: Option<PathBuf>,
@@ -70,10 +74,12 @@ impl IdentifyCommand {
             self.hold
         };
         let parameters = Parameters::new(&drive, experiment, &hold)?;
+        let columns = self.column.into_iter();
+        let columns = columns.fold(Columns::default(), Columns::with);
         let logs = self
             .log
             .iter()
-            .map(|path| Log::load(path, &drive))
+            .map(|path| Log::load(path, &drive, &columns))
             .collect::<Result<Vec<Log>>>()?;
         for log in &logs {
             require_same_kind(log, &drive, self.drive.as_deref())?;

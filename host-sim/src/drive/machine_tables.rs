@@ -90,13 +90,13 @@ impl Document<'_> {
             &raw.resolution,
             &format!("{} per count", self.units().position),
         )?;
-        let counter_bits = match raw.counter_bits.get_ref() {
-            16 => 16,
-            32 => 32,
-            other => {
-                let message = format!("encoder.counter_bits = {other}: must be 16 or 32");
-                return Err(self.error(Some(raw.counter_bits.span()), message));
-            }
+        let bits = *raw.counter_bits.get_ref();
+        let Some(counter_bits) = u32::try_from(bits)
+            .ok()
+            .filter(|bits| (2..=32).contains(bits))
+        else {
+            let message = format!("encoder.counter_bits = {bits}: must be 2 to 32");
+            return Err(self.error(Some(raw.counter_bits.span()), message));
         };
         Ok(Encoder {
             resolution,

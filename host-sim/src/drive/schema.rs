@@ -95,8 +95,8 @@ pub(super) struct RawEncoder {
     /// m: per count, after x4 decoding.
     #[schemars(with = "f64")]
     pub(super) resolution: Number,
-    /// Width of the counter: 16 or 32.
-    #[schemars(with = "i64", extend("enum" = [16, 32]))]
+    /// Width of the counter: 2 to 32; 16 or 32 for the firmware.
+    #[schemars(with = "i64", range(min = 2, max = 32))]
     pub(super) counter_bits: Spanned<i64>,
 }
 

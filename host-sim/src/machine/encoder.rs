@@ -9,6 +9,6 @@ pub const LEAST_COUNTS: f64 = 100.0;
 pub struct Encoder {
     /// m per count.
     pub resolution: f64,
-    /// 16 or 32.
+    /// Width of the counter, 2 to 32; the firmware's boards have 16 or 32.
     pub counter_bits: u32,
 }

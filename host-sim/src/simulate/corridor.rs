@@ -15,6 +15,9 @@ use arso_core::{
 };
 use serde::Serialize;
 
+/// Widths of the counters that boards have, bits.
+const BOARD_COUNTERS: [u32; 2] = [16, 32];
+
 /// A control core of any size.
 pub trait Corridor {
     /// See [`Controller::request`].
@@ -119,8 +122,15 @@ pub(crate) fn corridor_with<'d>(
 /// The gains file for the firmware; `origin` says where the drive was described.
 ///
 /// # Errors
-/// [`Error::Design`] when there are no plans.
+/// [`Error::Design`] when there are no plans, or for a counter that no board has.
 pub fn gains_source(design: &Design, origin: &str) -> error::Result<String> {
+    let bits = design.drive.encoder.counter_bits;
+    if !BOARD_COUNTERS.contains(&bits) {
+        return Err(Error::Design(format!(
+            "encoder.counter_bits = {bits}: the firmware reads counters of 16 or 32 bits alone, so there are no \
+             gains of this drive for it"
+        )));
+    }
     let plans = design.plans()?;
     Ok(with_sizes!(gains_file(design, origin, plans)))
 }
