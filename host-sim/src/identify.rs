@@ -18,7 +18,9 @@ mod least_squares;
 mod log;
 mod parameters;
 mod predict;
+mod settle;
 mod starts;
+mod structure;
 
 pub use drive_file::drive_file;
 pub use figures::{Figure, Unit};
@@ -30,10 +32,12 @@ use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::output::{Progress, significant};
 use confidence::{Covariance, correlation, rivals};
-use estimate::{Estimate, Residuals, estimate};
+use estimate::{Residuals, search};
 use nalgebra::DVector;
 use predict::simulation;
+use settle::{Estimate, settle};
 use starts::starts;
+use structure::extended;
 
 /// One quantity, identified or held.
 #[derive(Clone, Debug)]
@@ -112,26 +116,17 @@ pub fn identify(
     parameters: &Parameters,
     progress: &Progress<'_>,
 ) -> Result<Identification> {
-    let search = Search {
-        drive,
-        logs,
-        parameters,
-    };
-    let found = search.estimate(progress)?;
-    let message = match search.judge(&found) {
+    let found = Found::new(drive, logs, parameters, progress)?;
+    let message = match found.judge() {
         Err(Error::Identification(message)) => message,
         judged => return judged,
     };
     // Wiring is named where it explains what nothing else does.
     let reversed: Vec<Log> = logs.iter().map(Log::reversed).collect();
-    let reversed = Search {
-        logs: &reversed,
-        ..search
-    };
     if logs.iter().all(|log| log.work < 0.0)
-        && let Ok(other) = reversed.estimate(progress)
-        && other.cost < REVERSED * found.cost
-        && reversed.judge(&other).is_ok()
+        && let Ok(other) = Found::new(drive, &reversed, parameters, progress)
+        && other.estimate.cost < REVERSED * found.estimate.cost
+        && other.judge().is_ok()
     {
         return Err(Error::Input {
             place: logs.first().map_or_else(String::new, |log| log.name.clone()),
@@ -142,54 +137,87 @@ pub fn identify(
     Err(Error::Identification(message))
 }
 
-/// A search for the machine behind some records.
-#[derive(Clone, Copy)]
-struct Search<'a> {
+/// What a search for the machine behind some records found.
+struct Found<'a> {
     drive: &'a Drive,
     logs: &'a [Log],
-    parameters: &'a Parameters,
+    /// The quantities that the records need.
+    parameters: Parameters,
+    /// What of them not every machine has.
+    added: Vec<Quantity>,
+    /// Of the record that excites most frequencies.
+    response: Vec<Point>,
+    estimate: Estimate,
 }
 
-impl Search<'_> {
-    fn residuals(&self) -> Residuals<'_> {
-        let period = self.logs.first().map_or(1.0, |log| log.period);
-        Residuals::new(self.drive.encoder.resolution, period, self.parameters)
+impl<'a> Found<'a> {
+    fn new(
+        drive: &'a Drive,
+        logs: &'a [Log],
+        parameters: &Parameters,
+        progress: &Progress<'_>,
+    ) -> Result<Self> {
+        let force = drive.actuator.largest_force();
+        let period = period(logs);
+        let response = match parameters.experiment() {
+            Experiment::Excitation => logs
+                .iter()
+                .map(response)
+                .max_by_key(Vec::len)
+                .unwrap_or_default(),
+            _ => Vec::new(),
+        };
+        let starts = starts(parameters, force, &response, period);
+        let residuals = Residuals::new(force, period, parameters);
+        let ends = search(logs, parameters, &residuals, &starts, progress)?;
+        progress(2, 4, "what else there is");
+        let structure = extended(logs, force, parameters, ends);
+        progress(3, 4, "until nothing moves");
+        let residuals = Residuals::new(force, period, &structure.parameters);
+        let estimate = settle(logs, &structure.parameters, &residuals, structure.ends)?;
+        Ok(Self {
+            drive,
+            logs,
+            parameters: structure.parameters,
+            added: structure.added,
+            response,
+            estimate,
+        })
     }
 
-    /// Of the record that excites most frequencies.
-    fn response(&self) -> Vec<Point> {
-        if self.parameters.experiment() != Experiment::Excitation {
-            return Vec::new();
+    /// What should be said beside the figures.
+    fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        for log in self.logs {
+            remarks.extend(log.remarks.iter().map(|remark| match self.logs.len() {
+                1 => remark.clone(),
+                _ => format!("{}: {remark}", log.name),
+            }));
         }
-        let responses = self.logs.iter().map(response);
-        responses.max_by_key(Vec::len).unwrap_or_default()
-    }
-
-    fn estimate(&self, progress: &Progress<'_>) -> Result<Estimate> {
-        let force = self.drive.actuator.largest_force();
-        let period = self.logs.first().map_or(1.0, |log| log.period);
-        let starts = starts(self.parameters, force, &self.response(), period);
-        estimate(
-            self.logs,
-            self.parameters,
-            &self.residuals(),
-            &starts,
-            progress,
-        )
+        remarks.extend(self.added.iter().map(|quantity| {
+            format!(
+                "the records need {}, which the drive file does not have: identified with the others",
+                quantity.name()
+            )
+        }));
+        remarks
     }
 
     /// What is known at the end of a search.
-    fn judge(&self, estimate: &Estimate) -> Result<Identification> {
+    fn judge(&self) -> Result<Identification> {
+        let (estimate, force) = (&self.estimate, self.drive.actuator.largest_force());
+        let residuals = Residuals::new(force, period(self.logs), &self.parameters);
         let refused = |message: String| Error::Identification(message);
-        let (logs, parameters) = (self.logs, self.parameters);
+        let (logs, parameters) = (self.logs, &self.parameters);
         let resolution = self.drive.encoder.resolution;
         let machine = estimate.machine.clone();
-        let slowest = machine.chain.modes().first().map(|mode| mode.frequency_hz);
-        let period = logs.first().map_or(1.0, |log| log.period);
-        let memory = slowest.map_or(MEMORY.1, |hz| (MEMORY.0 / hz / period) as usize);
+        let slowest = machine.chain().modes().first().map(|mode| mode.frequency_hz);
+        let memory = slowest.map_or(MEMORY.1, |hz| {
+            (MEMORY.0 / hz / period(logs)) as usize
+        });
         let memory = memory.clamp(10, MEMORY.1);
         let covariance =
-            Covariance::new(logs, &self.residuals(), estimate, memory).ok_or_else(|| {
+            Covariance::new(logs, &residuals, estimate, memory).ok_or_else(|| {
                 refused(
                     "the log does not determine the quantities at all: some have no effect on it"
                         .into(),
@@ -211,7 +239,8 @@ impl Search<'_> {
                     covariance.deviation(&unit(size, i), distances)
                 });
                 // Friction that is zero within its deviation may be found just below; it cannot be.
-                let value = parameters.value(&machine, *quantity).max(0.0);
+                let value = parameters.value(&machine, *quantity);
+                let value = if quantity.signed() { value } else { value.max(0.0) };
                 let std = deviation * parameters.slope(&machine, *quantity);
                 let limit = match quantity {
                     Quantity::Damping(_) => UNKNOWN.1,
@@ -262,16 +291,21 @@ impl Search<'_> {
             machine,
             fit_percent,
             error_rms: (square / periods as f64).sqrt(),
-            remarks: Vec::new(),
+            remarks: self.remarks(),
             fitted,
             left_out: logs.iter().map(|log| log.left_out).sum(),
             correlation: (0..=memory)
                 .map(|lag| correlation(innovations, lag))
                 .collect(),
             innovations: innovations.iter().map(|e| e * resolution).collect(),
-            response: self.response(),
+            response: self.response.clone(),
         })
     }
+}
+
+/// Period of the records, s.
+fn period(logs: &[Log]) -> f64 {
+    logs.first().map_or(1.0, |log| log.period)
 }
 
 /// A slope that is one coordinate.

@@ -5,7 +5,8 @@
 //! the identified machine are simulated and rounded, each from another place within a count, and the fit is
 //! taken one step from where it is towards each of them. What spreads wider counts.
 
-use super::estimate::{Estimate, Residuals};
+use super::estimate::Residuals;
+use super::settle::Estimate;
 use super::predict::simulation;
 use super::Log;
 use nalgebra::{DMatrix, DVector};
@@ -18,6 +19,34 @@ use rayon::prelude::*;
 const POSSIBLE: f64 = 25.0;
 /// Records that are simulated to see what rounding does to the figures.
 const SIMULATED: u64 = 24;
+
+/// Covariance of coordinates were the errors white, from their derivatives; none where some have no effect.
+///
+/// * `cost`: half the sum of squared errors
+pub(super) fn white(slopes: &DMatrix<f64>, cost: f64) -> Option<DMatrix<f64>> {
+    let (rows, columns) = slopes.shape();
+    let variance = 2.0 * cost / rows.saturating_sub(columns).max(1) as f64;
+    Some(inverse_of_normal(slopes)? * variance)
+}
+
+/// `(JᵀJ)⁻¹`, by columns in units of their own effect so that no figures are lost; none where some have none.
+fn inverse_of_normal(slopes: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let sizes: Vec<f64> = slopes.column_iter().map(|column| column.norm()).collect();
+    // Written so that what is no number is refused.
+    if !sizes.iter().all(|size| *size > 0.0) {
+        return None;
+    }
+    let mut scaled = slopes.clone();
+    for (mut column, size) in scaled.column_iter_mut().zip(&sizes) {
+        column /= *size;
+    }
+    let mut inverse = scaled.tr_mul(&scaled).try_inverse()?;
+    for (i, size) in sizes.iter().enumerate() {
+        inverse.row_mut(i).scale_mut(1.0 / size);
+        inverse.column_mut(i).scale_mut(1.0 / size);
+    }
+    Some(inverse)
+}
 
 /// Covariance of the coordinates of a search, from three sides.
 #[derive(Clone, Debug)]
@@ -42,22 +71,10 @@ impl Covariance {
     ) -> Option<Self> {
         let (slopes, errors) = (&estimate.slopes, &estimate.errors);
         let (rows, columns) = slopes.shape();
-        // Each coordinate in units of its own effect, so that the inverse loses no figures.
-        let sizes: Vec<f64> = slopes.column_iter().map(|column| column.norm()).collect();
-        // Written so that what is no number is refused.
-        if !sizes.iter().all(|size| *size > 0.0) {
-            return None;
-        }
-        let scaled = DMatrix::from_fn(rows, columns, |i, j| slopes[(i, j)] / sizes[j]);
-        let inverse = scaled.tr_mul(&scaled).try_inverse()?;
-        let unscaled = |matrix: &DMatrix<f64>| {
-            DMatrix::from_fn(columns, columns, |i, j| {
-                matrix[(i, j)] / (sizes[i] * sizes[j])
-            })
-        };
+        let inverse = inverse_of_normal(slopes)?;
         let variance = errors.iter().map(|e| e * e).sum::<f64>()
             / rows.saturating_sub(columns).max(1) as f64;
-        let scores = DMatrix::from_fn(rows, columns, |i, j| scaled[(i, j)] * errors[i]);
+        let scores = DMatrix::from_fn(rows, columns, |i, j| slopes[(i, j)] * errors[i]);
         let mut spread = scores.tr_mul(&scores);
         for lag in 1..=memory.min(rows - 1) {
             let weight = 1.0 - lag as f64 / (memory + 1) as f64;
@@ -66,11 +83,10 @@ impl Covariance {
             let product = late.tr_mul(&early) * weight;
             spread += &product + product.transpose();
         }
-        let normal = unscaled(&inverse);
         let result = Self {
-            white: &normal * variance,
-            coloured: unscaled(&(&inverse * spread * &inverse)),
-            rounding: rounding(logs, residuals, estimate, &normal)?,
+            white: &inverse * variance,
+            coloured: &inverse * spread * &inverse,
+            rounding: rounding(logs, residuals, estimate, &inverse)?,
         };
         let all = [&result.white, &result.coloured, &result.rounding];
         all.iter()
@@ -111,8 +127,7 @@ pub(super) struct Rival {
 
 /// The other ends of a search.
 pub(super) fn rivals(estimate: &Estimate) -> Vec<Rival> {
-    let (rows, columns) = estimate.slopes.shape();
-    let variance = 2.0 * estimate.cost / rows.saturating_sub(columns).max(1) as f64;
+    let variance = estimate.variance();
     let rivals = estimate.rivals.iter().map(|end| Rival {
         coordinates: end.coordinates.clone(),
         likelihood: (2.0 * (end.cost - estimate.cost) / variance).max(0.0),
@@ -137,7 +152,6 @@ fn rounding(
     estimate: &Estimate,
     inverse: &DMatrix<f64>,
 ) -> Option<DMatrix<f64>> {
-    let resolution = residuals.resolution();
     let machine = &estimate.machine;
     // The force that the filter found beside the current keeps the simulation where the record is.
     let pushes: Vec<Vec<f64>> = logs
@@ -176,7 +190,7 @@ fn rounding(
                 .zip(&tracks)
                 .map(|(log, track)| {
                     let place: f64 = random.random_range(-0.5..0.5);
-                    let count = |x: &f64| (x / resolution + place).round() * resolution;
+                    let count = |x: &f64| (x / log.resolution + place).round() * log.resolution;
                     Log {
                         position: track.iter().map(count).collect(),
                         ..log.clone()

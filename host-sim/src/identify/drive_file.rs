@@ -33,6 +33,13 @@ pub fn drive_file(text: &str, quantities: &[Identified]) -> Result<String> {
             Quantity::Damping(load) => set(&mut document["load"][load], "damping", number),
             Quantity::Viscous => set(friction(&mut document), "viscous", number),
             Quantity::Coulomb => set(friction(&mut document), "coulomb", number),
+            Quantity::CoulombBackward => set(friction(&mut document), "coulomb_backward", number),
+            Quantity::Static => set(friction(&mut document), "static", number),
+            Quantity::LoadViscous(load) => set(&mut document["load"][load], "viscous", number),
+            Quantity::LoadCoulomb(load) => set(&mut document["load"][load], "coulomb", number),
+            Quantity::Delay => set(&mut document["actuator"], "delay", number),
+            Quantity::Lag => set(&mut document["actuator"], "lag", number),
+            Quantity::HoldingForce => set(&mut document["actuator"], "holding_force", number),
         }
     }
     Ok(document.to_string())
@@ -74,6 +81,7 @@ mod tests {
             value,
             std: 0.0,
             held,
+            known: true,
             before: 0.0,
         };
         let text = drive_file(

@@ -54,7 +54,7 @@ pub enum Unit {
 /// Acceleration of the whole per ampere, then frequency and damping ratio of each mode, then the
 /// frequencies of the loads on a held actuator.
 fn values(machine: &Machine) -> Vec<(String, f64, Unit)> {
-    let chain = &machine.chain;
+    let chain = machine.chain();
     let total: f64 = chain.mass.iter().sum();
     let mut result = vec![(
         "acceleration".to_owned(),

@@ -163,7 +163,7 @@ const PHASE: f64 = 0.3;
 pub(super) fn starts(parameters: &Parameters, points: &[Point], period: f64) -> Vec<Machine> {
     let nominal = parameters.coordinates(parameters.start());
     let residuals = |x: &[f64]| -> Option<Vec<f64>> {
-        let chain = parameters.machine(x).chain;
+        let chain = parameters.machine(x).mechanics.chain;
         let mut residuals = Vec::with_capacity(2 * points.len() + x.len());
         for point in points {
             let ratio = (point.response / model_response(&chain, point.omega, period)).ln();

@@ -44,6 +44,8 @@ pub struct Log {
     pub drive: Option<String>,
     /// Period of the record, s: the drive file's sample time where its times say the same to 1e-6.
     pub period: f64,
+    /// What one count is, m.
+    pub resolution: f64,
     /// Position of the actuator at each sample that the record has, from the first one on, m.
     pub position: Vec<f64>,
     /// Current over the interval that follows each sample but the last, A.
@@ -175,7 +177,7 @@ fn read(
     let counts = counter::unwrapped(rows, &clock.parts, reading, place, &plausible)?;
     require_motion(&counts)?;
 
-    let samples = rest::until_stand(&counts, rows).max(FEWEST);
+    let samples = rest::until_stand(&counts).max(FEWEST);
     let (rows, counts) = (&rows[..samples], &counts[..samples]);
     let parts = clock.parts[..samples - 1].to_vec();
     let current: Vec<f64> = rows[1..].iter().map(|row| row.current).collect();
@@ -187,6 +189,7 @@ fn read(
         name: name.into(),
         drive: record.drive,
         period: clock.period,
+        resolution: drive.encoder.resolution,
         position: counts
             .iter()
             .map(|count| count * drive.encoder.resolution)

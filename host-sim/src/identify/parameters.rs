@@ -6,7 +6,7 @@
 use crate::chain::Chain;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
-use crate::machine::{Units, chain_of};
+use crate::machine::{DryFriction, Mechanics, Units};
 
 /// Which experiment a log is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +37,20 @@ pub enum Quantity {
     Viscous,
     /// Coulomb friction of the actuator.
     Coulomb,
+    /// The same of motion backwards.
+    CoulombBackward,
+    /// What it holds at rest.
+    Static,
+    /// Viscous friction of a load against the ground.
+    LoadViscous(usize),
+    /// Coulomb friction of a load against the ground.
+    LoadCoulomb(usize),
+    /// By which the current comes late.
+    Delay,
+    /// Time constant of the current's lag.
+    Lag,
+    /// Force by which the motor holds the machine where it stands.
+    HoldingForce,
 }
 
 impl Quantity {
@@ -51,6 +65,13 @@ impl Quantity {
             Quantity::Damping(load) => format!("load[{}].damping", load + 1),
             Quantity::Viscous => "friction.viscous".into(),
             Quantity::Coulomb => "friction.coulomb".into(),
+            Quantity::CoulombBackward => "friction.coulomb_backward".into(),
+            Quantity::Static => "friction.static".into(),
+            Quantity::LoadViscous(load) => format!("load[{}].viscous", load + 1),
+            Quantity::LoadCoulomb(load) => format!("load[{}].coulomb", load + 1),
+            Quantity::Delay => "actuator.delay".into(),
+            Quantity::Lag => "actuator.lag".into(),
+            Quantity::HoldingForce => "actuator.holding_force".into(),
         }
     }
 
@@ -61,14 +82,31 @@ impl Quantity {
             Quantity::ActuatorMass | Quantity::Mass(_) => units.mass,
             Quantity::ForceConstant => units.force_constant,
             Quantity::Stiffness(_) => units.stiffness,
-            Quantity::Damping(_) | Quantity::Viscous => units.damping,
-            Quantity::Coulomb => units.force,
+            Quantity::Damping(_) | Quantity::Viscous | Quantity::LoadViscous(_) => units.damping,
+            Quantity::Coulomb
+            | Quantity::CoulombBackward
+            | Quantity::Static
+            | Quantity::LoadCoulomb(_)
+            | Quantity::HoldingForce => units.force,
+            Quantity::Delay | Quantity::Lag => "s",
         }
     }
 
     /// Whether it varies by factors.
     pub(super) fn positive(self) -> bool {
-        !matches!(self, Quantity::Viscous | Quantity::Coulomb)
+        matches!(
+            self,
+            Quantity::ActuatorMass
+                | Quantity::ForceConstant
+                | Quantity::Mass(_)
+                | Quantity::Stiffness(_)
+                | Quantity::Damping(_)
+        )
+    }
+
+    /// Whether it may be negative.
+    pub(super) fn signed(self) -> bool {
+        matches!(self, Quantity::HoldingForce | Quantity::CoulombBackward)
     }
 
     /// Whether knowing it fixes the scale of all forces.
@@ -83,17 +121,39 @@ impl Quantity {
     }
 }
 
+/// Velocity at which most of static friction is gone, where the drive file says nothing, m/s.
+const STRIBECK_VELOCITY: f64 = 1e-3;
+
 /// How far a fit may take a coordinate from the drive file: a factor of a thousand, or that many times
 /// the amount by which friction varies.
 const FARTHEST: f64 = 7.0;
 
-/// A chain with its Coulomb friction: all that a fit can vary.
+/// All that a fit can vary: what moves, and what pushes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Machine {
-    /// Masses, springs, viscous friction, force constant.
-    pub chain: Chain,
-    /// Coulomb friction of the actuator, N.
-    pub coulomb: f64,
+    /// Masses, springs, friction, and how late the force comes.
+    pub mechanics: Mechanics,
+    /// By which the motor holds the machine where it stands, N.
+    pub holding_force: f64,
+}
+
+impl Machine {
+    /// Masses, springs and dampers.
+    #[must_use]
+    pub fn chain(&self) -> &Chain {
+        &self.mechanics.chain
+    }
+
+    /// Dry friction of the actuator.
+    #[must_use]
+    pub fn friction(&self) -> &DryFriction {
+        &self.mechanics.friction[0]
+    }
+
+    /// The same, to be changed.
+    pub fn friction_mut(&mut self) -> &mut DryFriction {
+        &mut self.mechanics.friction[0]
+    }
 }
 
 /// The machine of a run before anything is identified, which of its quantities there are and which of
@@ -105,10 +165,31 @@ pub struct Parameters {
     start: Machine,
     /// All quantities of the run, and whether each is held.
     pub(super) all: Vec<(Quantity, bool)>,
-    /// Amounts by which friction varies: viscous, Coulomb.
-    scale: (f64, f64),
+    /// Amounts by which friction varies, viscous and Coulomb, and time.
+    scale: (f64, f64, f64),
     /// Of the slowest mode, rad/s.
     rate: f64,
+}
+
+/// What the drive file says beside what every machine has.
+fn stated(drive: &Drive, loads: usize) -> Vec<Quantity> {
+    let (actuator, friction) = (&drive.actuator, &drive.friction);
+    let mut result = Vec::new();
+    let mut add = |there: bool, quantity: Quantity| {
+        if there {
+            result.push(quantity);
+        }
+    };
+    add(friction.coulomb_backward.is_some(), Quantity::CoulombBackward);
+    add(friction.breakaway > 0.0, Quantity::Static);
+    for (number, load) in drive.loads.iter().take(loads).enumerate() {
+        add(load.viscous > 0.0, Quantity::LoadViscous(number));
+        add(load.coulomb > 0.0, Quantity::LoadCoulomb(number));
+    }
+    add(actuator.delay > 0.0, Quantity::Delay);
+    add(actuator.lag > 0.0, Quantity::Lag);
+    add(actuator.holding_force != 0.0, Quantity::HoldingForce);
+    result
 }
 
 impl Parameters {
@@ -132,6 +213,7 @@ impl Parameters {
             ]);
         }
         all.extend([Quantity::Viscous, Quantity::Coulomb]);
+        all.extend(stated(drive, loads));
         for key in hold {
             if !all.iter().any(|quantity| quantity.name() == *key) {
                 let names: Vec<String> = all.iter().map(|quantity| quantity.name()).collect();
@@ -155,12 +237,19 @@ impl Parameters {
                     .into(),
             });
         }
-        let mut chain = chain_of(&drive.actuator, &drive.loads, drive.friction.viscous);
+        let mut mechanics = Mechanics::new(&drive.actuator, &drive.loads, &drive.friction);
+        if mechanics.friction[0].stribeck_velocity == 0.0 {
+            mechanics.friction[0].stribeck_velocity = STRIBECK_VELOCITY;
+        }
+        let chain = &mut mechanics.chain;
         if experiment == Experiment::Free {
             chain.mass.truncate(1);
             chain.stiffness.clear();
             chain.damping.clear();
+            chain.ground.clear();
+            mechanics.friction.truncate(1);
         }
+        let chain = &mechanics.chain;
         let total: f64 = chain.mass.iter().sum();
         let rate = chain
             .modes()
@@ -170,11 +259,11 @@ impl Parameters {
         Ok(Self {
             experiment,
             start: Machine {
-                chain,
-                coulomb: drive.friction.coulomb,
+                mechanics,
+                holding_force: drive.actuator.holding_force,
             },
             all,
-            scale: (0.1 * total * rate, 0.1 * force),
+            scale: (0.1 * total * rate, 0.1 * force, drive.control.sample_time),
             rate,
         })
     }
@@ -204,10 +293,39 @@ impl Parameters {
         &self.start
     }
 
+    /// The same with one more quantity that is free.
+    pub(super) fn with(&self, quantity: Quantity) -> Self {
+        let mut more = self.clone();
+        more.all.push((quantity, false));
+        more
+    }
+
+    /// What a machine may have beside what every one has, where it is not already asked for.
+    pub(super) fn extensions(&self) -> Vec<Quantity> {
+        let mut result = vec![
+            Quantity::Delay,
+            Quantity::Lag,
+            Quantity::HoldingForce,
+            Quantity::CoulombBackward,
+            Quantity::Static,
+        ];
+        for load in 0..self.start.chain().loads() {
+            result.extend([Quantity::LoadViscous(load), Quantity::LoadCoulomb(load)]);
+        }
+        let asked = |quantity: &Quantity| self.all.iter().any(|(asked, _)| asked == quantity);
+        result.retain(|quantity| !asked(quantity));
+        // Delay and lag of a current do the same to a machine that is much slower.
+        if asked(&Quantity::Delay) || asked(&Quantity::Lag) {
+            result.retain(|quantity| !matches!(quantity, Quantity::Delay | Quantity::Lag));
+        }
+        result
+    }
+
     /// Value of a quantity in a machine.
     #[must_use]
     pub fn value(&self, machine: &Machine, quantity: Quantity) -> f64 {
-        let chain = &machine.chain;
+        let mechanics = &machine.mechanics;
+        let chain = &mechanics.chain;
         match quantity {
             Quantity::ActuatorMass => chain.mass[0],
             Quantity::ForceConstant => chain.force_constant,
@@ -215,7 +333,14 @@ impl Parameters {
             Quantity::Stiffness(load) => chain.stiffness[load],
             Quantity::Damping(load) => chain.damping[load],
             Quantity::Viscous => chain.viscous,
-            Quantity::Coulomb => machine.coulomb,
+            Quantity::Coulomb => mechanics.friction[0].forward,
+            Quantity::CoulombBackward => mechanics.friction[0].backward,
+            Quantity::Static => mechanics.friction[0].forward + mechanics.friction[0].breakaway,
+            Quantity::LoadViscous(load) => chain.ground[load],
+            Quantity::LoadCoulomb(load) => mechanics.friction[load + 1].forward,
+            Quantity::Delay => mechanics.delay,
+            Quantity::Lag => mechanics.lag,
+            Quantity::HoldingForce => machine.holding_force,
         }
     }
 
@@ -227,30 +352,57 @@ impl Parameters {
     }
 
     fn coordinate(&self, machine: &Machine, quantity: Quantity) -> f64 {
+        if quantity == Quantity::Static {
+            // What there is above Coulomb friction.
+            return machine.friction().breakaway / self.scale.1;
+        }
         let value = self.value(machine, quantity);
-        match quantity {
-            Quantity::Viscous => value / self.scale.0,
-            Quantity::Coulomb => value / self.scale.1,
-            _ => value.ln(),
+        if quantity.positive() {
+            value.ln()
+        } else {
+            value / self.slope(machine, quantity)
         }
     }
 
     /// The machine at some coordinates.
     pub(super) fn machine(&self, coordinates: &[f64]) -> Machine {
         let mut machine = self.start.clone();
-        let chain = &mut machine.chain;
+        let mut backward = None;
         for (quantity, x) in self.free().zip(coordinates) {
             let before = self.coordinate(&self.start, quantity);
             let x = x.clamp(before - FARTHEST, before + FARTHEST);
+            let amount = if quantity.positive() {
+                x.exp()
+            } else {
+                x * self.slope(&self.start, quantity)
+            };
+            let mechanics = &mut machine.mechanics;
+            let chain = &mut mechanics.chain;
             match quantity {
-                Quantity::ActuatorMass => chain.mass[0] = x.exp(),
-                Quantity::ForceConstant => chain.force_constant = x.exp(),
-                Quantity::Mass(load) => chain.mass[load + 1] = x.exp(),
-                Quantity::Stiffness(load) => chain.stiffness[load] = x.exp(),
-                Quantity::Damping(load) => chain.damping[load] = x.exp(),
-                Quantity::Viscous => chain.viscous = x * self.scale.0,
-                Quantity::Coulomb => machine.coulomb = x * self.scale.1,
+                Quantity::ActuatorMass => chain.mass[0] = amount,
+                Quantity::ForceConstant => chain.force_constant = amount,
+                Quantity::Mass(load) => chain.mass[load + 1] = amount,
+                Quantity::Stiffness(load) => chain.stiffness[load] = amount,
+                Quantity::Damping(load) => chain.damping[load] = amount,
+                Quantity::Viscous => chain.viscous = amount,
+                Quantity::Coulomb => {
+                    mechanics.friction[0].forward = amount;
+                    mechanics.friction[0].backward = amount;
+                }
+                Quantity::CoulombBackward => backward = Some(amount),
+                Quantity::Static => mechanics.friction[0].breakaway = amount.max(0.0),
+                Quantity::LoadViscous(load) => chain.ground[load] = amount,
+                Quantity::LoadCoulomb(load) => {
+                    mechanics.friction[load + 1] = DryFriction::coulomb(amount);
+                }
+                // The future is not known to a machine.
+                Quantity::Delay => mechanics.delay = amount.max(0.0),
+                Quantity::Lag => mechanics.lag = amount.max(0.0),
+                Quantity::HoldingForce => machine.holding_force = amount,
             }
+        }
+        if let Some(backward) = backward {
+            machine.friction_mut().backward = backward;
         }
         machine
     }
@@ -258,8 +410,13 @@ impl Parameters {
     /// Value per coordinate at a machine, for standard deviations.
     pub(super) fn slope(&self, machine: &Machine, quantity: Quantity) -> f64 {
         match quantity {
-            Quantity::Viscous => self.scale.0,
-            Quantity::Coulomb => self.scale.1,
+            Quantity::Viscous | Quantity::LoadViscous(_) => self.scale.0,
+            Quantity::Coulomb
+            | Quantity::CoulombBackward
+            | Quantity::Static
+            | Quantity::LoadCoulomb(_)
+            | Quantity::HoldingForce => self.scale.1,
+            Quantity::Delay | Quantity::Lag => self.scale.2,
             _ => self.value(machine, quantity),
         }
     }

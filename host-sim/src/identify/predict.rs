@@ -6,13 +6,15 @@
 //! little noise that is the output error, with much of it the error of one step.
 //!
 //! The filter begins with what is known of the start: everything but the position where the record begins
-//! at rest, the position alone where it begins in motion. From there its gain runs into the steady one. An
-//! innovation that is wider than the steady one for such a reason weighs less.
+//! at rest, the position alone where it begins in motion. From there its gain runs into the steady one, and
+//! again after a gap, over which the current is not known. An innovation that is wider than the steady one for
+//! such a reason weighs less.
 
 use super::log::Log;
 use super::parameters::Machine;
 use crate::linear::dare;
-use crate::machine::{Mechanics, Motion};
+use crate::machine::Motion;
+use crate::machine::motion::PARTS;
 use nalgebra::{DMatrix, DVector};
 
 /// Densities of the random force, N/√Hz, and of the wandering force, N/√s, over the standard deviation
@@ -27,22 +29,32 @@ pub(super) struct Noise {
 
 /// Distance from the steady gain, relative to it, at which the gain counts as steady.
 const STEADY: f64 = 1e-3;
-/// Periods over which the gain runs into the steady one, at most.
-const LONGEST: usize = 60;
+/// Periods over which the gain runs into the steady one, at most: after a rest, and where more is unknown.
+const LONGEST: (usize, usize) = (60, 400);
+/// Rows from which the velocity at the beginning of a record in motion is taken.
+const BEFORE: usize = 10;
+/// Longest interval that is no gap, parts of a period.
+const REGULAR: u32 = PARTS + PARTS / 2;
+
+/// Gains of some periods, each with the weight of its innovation.
+type Run = Vec<(DVector<f64>, f64)>;
 
 /// The filter's gain, period by period from the start of a record. States: those of the chain, and the
 /// wandering force.
 #[derive(Clone, Debug)]
 pub(super) struct Gain {
-    /// Gains of the first periods, each with the weight of its innovation.
-    first: Vec<(DVector<f64>, f64)>,
+    start: Run,
+    /// After gaps, by their length in parts.
+    gaps: Vec<(u32, Run)>,
     steady: DVector<f64>,
 }
 
 impl Gain {
     /// None when there is no filter.
-    pub(super) fn new(machine: &Machine, noise: Noise, period: f64) -> Option<Self> {
-        let chain = &machine.chain;
+    ///
+    /// * `force`: that the current may have had over a gap, either way, N
+    pub(super) fn new(log: &Log, machine: &Machine, noise: Noise, force: f64) -> Option<Self> {
+        let chain = machine.chain();
         let n = chain.states();
         let mut a = DMatrix::zeros(n + 1, n + 1);
         a.view_mut((0, 0), (n, n)).copy_from(&chain.a());
@@ -51,8 +63,8 @@ impl Gain {
         density[(1, 1)] = (2.0 * noise.force).exp() / chain.mass[0].powi(2);
         density[(n, n)] = (2.0 * noise.wander).exp();
         // The noise of a period, as if all of it came in its middle.
-        let half = (a * (0.5 * period)).exp();
-        let process = &half * density * half.transpose() * period;
+        let half = (&a * (0.5 * log.period)).exp();
+        let process = &half * density * half.transpose() * log.period;
         let transition = &half * &half;
         let mut output = DVector::zeros(n + 1);
         output[0] = 1.0;
@@ -62,65 +74,147 @@ impl Gain {
         let variance = solution.x[(0, 0)] + 1.0;
         let steady: DVector<f64> = solution.x.column(0) / variance;
 
+        // From a covariance after a correction.
+        let run = |mut covariance: DMatrix<f64>, longest: usize| {
+            let mut run = Run::new();
+            for _ in 0..longest {
+                covariance = &transition * covariance * transition.transpose() + &process;
+                let now = covariance[(0, 0)] + 1.0;
+                let gain: DVector<f64> = covariance.column(0) / now;
+                let row = covariance.row(0).into_owned();
+                covariance -= &gain * row;
+                let near = gain
+                    .iter()
+                    .zip(steady.iter())
+                    .all(|(now, steady)| (now - steady).abs() <= STEADY * steady.abs());
+                if near {
+                    break;
+                }
+                run.push((gain, (variance / now).sqrt().min(1.0)));
+            }
+            run
+        };
         // The first sample is read with the noise of a measurement; at rest all masses are where it is.
-        let mut covariance = DMatrix::from_fn(n + 1, n + 1, |i, j| {
+        let mut at_start = DMatrix::from_fn(n + 1, n + 1, |i, j| {
             f64::from(u8::from(i < n && j < n && i % 2 == 0 && j % 2 == 0))
         });
-        let mut first = Vec::new();
-        for _ in 0..LONGEST {
-            covariance = &transition * covariance * transition.transpose() + &process;
+        let mut longest = LONGEST.0;
+        if !log.at_rest {
+            longest = LONGEST.1;
+            let scale = force / log.resolution;
+            for mass in 0..n / 2 {
+                let stretched = chain.stiffness.get(mass.max(1) - 1).map_or(0.0, |k| scale / k);
+                if mass > 0 {
+                    for other in mass..n / 2 {
+                        // What stretches a spring moves all behind it.
+                        at_start[(2 * other, 2 * other)] += stretched * stretched;
+                    }
+                }
+                let fast = 0.2 * velocity(log) / log.resolution
+                    + stretched * (chain.stiffness.first().unwrap_or(&0.0) / chain.mass[mass]).sqrt();
+                at_start[(2 * mass + 1, 2 * mass + 1)] = fast * fast + 1.0;
+            }
+        }
+        let start = run(at_start, longest);
+        let mut lengths: Vec<u32> = log.parts.iter().copied().filter(|p| *p > REGULAR).collect();
+        lengths.sort_unstable();
+        lengths.dedup();
+        let settled = &solution.x - &steady * solution.x.row(0);
+        let gaps = lengths.iter().map(|parts| {
+            let time = log.period * f64::from(*parts) / f64::from(PARTS);
+            // The last period's current is known.
+            let unknown = time - log.period;
+            let over = (&a * time).exp();
+            let pushed = (&a * unknown).exp() - DMatrix::identity(n + 1, n + 1);
+            // Response to a force held: the column of the wandering one.
+            let pushed = (&a * log.period).exp() * pushed.column(n) * (force / log.resolution);
+            let mut covariance = &over * &settled * over.transpose()
+                + &process * (f64::from(*parts) / f64::from(PARTS))
+                + &pushed * pushed.transpose();
             let now = covariance[(0, 0)] + 1.0;
             let gain: DVector<f64> = covariance.column(0) / now;
             let row = covariance.row(0).into_owned();
             covariance -= &gain * row;
-            let near = gain
-                .iter()
-                .zip(steady.iter())
-                .all(|(now, steady)| (now - steady).abs() <= STEADY * steady.abs());
-            if near {
-                break;
-            }
-            first.push((gain, (variance / now).sqrt().min(1.0)));
+            let mut gains = vec![(gain, (variance / now).sqrt().min(1.0))];
+            gains.extend(run(covariance, LONGEST.1));
+            (*parts, gains)
+        });
+        Some(Self {
+            gaps: gaps.collect(),
+            start,
+            steady,
+        })
+    }
+}
+
+/// Velocity at the beginning of a record, m/s.
+fn velocity(log: &Log) -> f64 {
+    let rows = BEFORE.min(log.current.len());
+    let parts: u32 = log.parts[..rows].iter().sum();
+    let time = log.period * f64::from(parts) / f64::from(PARTS);
+    if time > 0.0 {
+        (log.position[rows] - log.position[0]) / time
+    } else {
+        0.0
+    }
+}
+
+/// A machine where a record begins.
+fn at_beginning(log: &Log, machine: &Machine) -> Motion {
+    let mut motion = Motion::new(&machine.mechanics, log.period);
+    for position in motion.state_mut().iter_mut().step_by(2) {
+        *position = log.position[0];
+    }
+    if !log.at_rest {
+        let velocity = velocity(log);
+        for each in motion.state_mut().iter_mut().skip(1).step_by(2) {
+            *each = velocity;
         }
-        Some(Self { first, steady })
+    }
+    motion
+}
+
+/// One interval of a record under a force, N.
+fn advance(motion: &mut Motion, parts: u32, force: f64) {
+    if parts == PARTS {
+        motion.advance(force);
+    } else {
+        motion.advance_for(force, parts);
     }
 }
 
 /// The innovations of a record, and the wandering force that the filter found.
 pub(super) struct Prediction {
-    /// In units of `scale`, each by its weight.
+    /// In units of the encoder's resolution, each by its weight.
     pub(super) innovations: Vec<f64>,
     /// N, over each period.
     pub(super) wander: Vec<f64>,
 }
 
 /// Innovations of a filter over a log; none when it leaves all bounds.
-///
-/// * `scale`: what one unit of innovation is, m
-pub(super) fn predict(log: &Log, machine: &Machine, gain: &Gain, scale: f64) -> Option<Prediction> {
-    let chain = &machine.chain;
-    let n = chain.states();
-    let mut motion = Motion::new(&Mechanics::of_chain(&machine.chain, machine.coulomb), log.period);
-    for position in motion.state_mut().iter_mut().step_by(2) {
-        *position = log.position[0];
-    }
+pub(super) fn predict(log: &Log, machine: &Machine, gain: &Gain) -> Option<Prediction> {
+    let n = machine.chain().states();
+    let mut motion = at_beginning(log, machine);
     let mut wander = 0.0;
     let mut innovations = Vec::with_capacity(log.current.len());
     let mut wanders = Vec::with_capacity(log.current.len());
-    for (k, (current, measured)) in log.current.iter().zip(&log.position[1..]).enumerate() {
-        motion.advance(chain.force_constant * current + wander);
+    let mut run = gain.start.iter();
+    let rows = log.current.iter().zip(&log.parts).zip(&log.position[1..]);
+    for ((current, parts), measured) in rows {
+        let force = machine.chain().force_constant * current - machine.holding_force;
+        advance(&mut motion, *parts, force + wander);
         wanders.push(wander);
         let innovation = measured - motion.state()[0];
         if !innovation.is_finite() {
             return None;
         }
-        let (now, weight) = match gain.first.get(k) {
-            Some((now, weight)) => (now, *weight),
-            None => (&gain.steady, 1.0),
-        };
+        if let Some((_, after)) = gain.gaps.iter().find(|(gap, _)| gap == parts) {
+            run = after.iter();
+        }
+        let (now, weight) = run.next().map_or((&gain.steady, 1.0), |(now, w)| (now, *w));
         motion.state_mut().axpy(innovation, &now.rows(0, n), 1.0);
         wander += now[n] * innovation;
-        innovations.push(weight * innovation / scale);
+        innovations.push(weight * innovation / log.resolution);
     }
     Some(Prediction {
         innovations,
@@ -132,11 +226,12 @@ pub(super) fn predict(log: &Log, machine: &Machine, gain: &Gain, scale: f64) -> 
 ///
 /// * `push`: force beside the current's, N, over each period; nothing where it ends
 pub(super) fn simulation(log: &Log, machine: &Machine, push: &[f64]) -> Vec<f64> {
-    let mut motion = Motion::new(&Mechanics::of_chain(&machine.chain, machine.coulomb), log.period);
-    let mut result = vec![0.0];
-    for (k, current) in log.current.iter().enumerate() {
+    let mut motion = at_beginning(log, machine);
+    let mut result = vec![log.position[0]];
+    for (k, (current, parts)) in log.current.iter().zip(&log.parts).enumerate() {
         let push = push.get(k).copied().unwrap_or(0.0);
-        motion.advance(machine.chain.force_constant * current + push);
+        let force = machine.chain().force_constant * current - machine.holding_force + push;
+        advance(&mut motion, *parts, force);
         result.push(motion.state()[0]);
     }
     result

@@ -30,24 +30,27 @@ pub(super) fn starts(
         Experiment::Excitation => &STIFFNESS,
         Experiment::Free | Experiment::Slow => &MASS,
     };
-    let mut friction = vec![start.coulomb];
+    let stated = start.friction().forward;
+    let mut friction = vec![stated];
     if free(Quantity::Coulomb) {
         let others = FRICTION.iter().map(|share| share * force);
-        friction.extend(others.filter(|other| (other - start.coulomb).abs() > 0.005 * force));
+        friction.extend(others.filter(|other| (other - stated).abs() > 0.005 * force));
     }
     let mut result = Vec::new();
     for factor in factors {
         for coulomb in &friction {
             let mut machine = start.clone();
-            machine.coulomb = *coulomb;
+            let friction = machine.friction_mut();
+            friction.backward += coulomb - friction.forward;
+            friction.forward = *coulomb;
             if parameters.experiment() == Experiment::Excitation {
-                for (spring, stiffness) in machine.chain.stiffness.iter_mut().enumerate() {
+                for (spring, stiffness) in machine.mechanics.chain.stiffness.iter_mut().enumerate() {
                     if free(Quantity::Stiffness(spring)) {
                         *stiffness *= factor;
                     }
                 }
             } else if free(Quantity::ActuatorMass) {
-                machine.chain.mass[0] *= factor;
+                machine.mechanics.chain.mass[0] *= factor;
             }
             result.push(machine);
         }

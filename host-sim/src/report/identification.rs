@@ -214,7 +214,7 @@ pub fn plot(
         },
     ];
     if experiment == Experiment::Excitation {
-        let chain = &identification.machine.chain;
+        let chain = identification.machine.chain();
         let hz = |omega: f64| omega / std::f64::consts::TAU;
         let decibel = |magnitude: f64| 20.0 * magnitude.log10();
         let points = &identification.response;

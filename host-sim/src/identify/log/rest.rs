@@ -10,8 +10,8 @@ use crate::machine::motion::PARTS;
 const STANDING: f64 = 8.0;
 /// Or this share of all its motion, where that is less.
 const SHARE: f64 = 0.05;
-/// Standing still for longer at the end says nothing, s.
-const LONGEST: f64 = 1.0;
+/// Rows of standing still at the end that are kept: more say nothing.
+const KEPT: usize = 100;
 /// Rows in which a motion that no current made shows.
 const FIRST: usize = 20;
 /// How many times what the current can do from rest counts as being done by it: masses are known roughly.
@@ -30,8 +30,8 @@ pub(super) fn without_rest(rows: &[Row], reading: Reading) -> &[Row] {
 /// Samples up to where the machine comes to a stand for good, if it stands for long.
 ///
 /// * `position`: counts
-pub(super) fn until_stand(position: &[f64], rows: &[Row]) -> usize {
-    let (Some(last), Some(end)) = (position.last(), rows.last()) else {
+pub(super) fn until_stand(position: &[f64]) -> usize {
+    let Some(last) = position.last() else {
         return 0;
     };
     let standing = STANDING.min(SHARE * span(position));
@@ -39,11 +39,7 @@ pub(super) fn until_stand(position: &[f64], rows: &[Row]) -> usize {
         .iter()
         .rposition(|x| (x - last).abs() > standing)
         .map_or(0, |at| at + 1);
-    if end.time - rows[moving].time > LONGEST {
-        moving + 1
-    } else {
-        position.len()
-    }
+    (moving + 1 + KEPT).min(position.len())
 }
 
 /// Whether a record begins at rest: the first rows move no further than their currents can have done.
