@@ -168,7 +168,12 @@ fn read(
     let stretch = rest::without_rest(stretch, reading);
     let rows = &stretch[..stretch.len().min(MOST)];
     require_enough(rows)?;
-    let clock = Clock::of(rows, &record.layout.time.title, sample_time, record.rounding)?;
+    let clock = Clock::of(
+        rows,
+        &record.layout.time.title,
+        sample_time,
+        record.rounding,
+    )?;
     remarks.extend(clock.remarks);
     require_current(rows, &record.layout.current.title, &drive.actuator)?;
     let plausible = Plausible::new(drive, clock.period);

@@ -19,6 +19,8 @@ pub(super) struct Clock {
 const LATE: f64 = 1.5;
 /// Share of rows that may be.
 const MOST_LATE: f64 = 0.2;
+/// Share of steps that must be regular for the others to be left out of the period.
+const MOST_REGULAR: f64 = 0.9;
 /// Periods by which a row may come early or late and count as regular.
 const JITTER: f64 = 0.1;
 /// Relative difference from the drive file's sample time that is rounding of the times.
@@ -74,8 +76,8 @@ pub(super) fn in_seconds(
 impl Clock {
     /// Of rows whose times are in seconds.
     ///
-    /// The period is the mean of all steps that are one period by the median: their jitter is within a tenth
-    /// of it, or where the times are rounded more coarsely, by half of it.
+    /// The period is the mean of the steps that are within a tenth of the median, or within what the times are
+    /// rounded to where that is more; where a tenth of all steps is not, of those within half of it.
     pub(super) fn of(
         rows: &[Row],
         title: &str,
@@ -94,8 +96,9 @@ impl Clock {
             let count = regular.clone().count();
             (count, regular.sum::<f64>() / count as f64)
         };
-        let (regular, period) = mean(JITTER);
-        let enough = regular as f64 >= 0.9 * steps.len() as f64;
+        let jitter = |period: f64| JITTER.max(1.01 * rounding / period).min(0.499);
+        let (regular, period) = mean(jitter(middle));
+        let enough = regular as f64 >= MOST_REGULAR * steps.len() as f64;
         let mut period = if enough { period } else { mean(0.499).1 };
         let mut remarks = Vec::new();
         let other = (period / sample_time - 1.0).abs();
@@ -108,7 +111,7 @@ impl Clock {
                 milliseconds(sample_time)
             ));
         }
-        let jitter = JITTER.max(1.01 * rounding / period).min(0.5);
+        let jitter = jitter(period);
         let parts = steps.iter().map(|step| {
             let periods = step / period;
             if (periods - 1.0).abs() <= jitter {
@@ -126,12 +129,7 @@ impl Clock {
     }
 
     /// Counts the rows that are late; refused where there are too many.
-    fn with_late_rows(
-        mut self,
-        rows: &[Row],
-        steps: &[f64],
-        title: &str,
-    ) -> Result<Self, Refusal> {
+    fn with_late_rows(mut self, rows: &[Row], steps: &[f64], title: &str) -> Result<Self, Refusal> {
         let late = |step: &f64| *step > LATE * self.period;
         let count = steps.iter().filter(|step| late(step)).count();
         if count == 0 {

@@ -140,7 +140,11 @@ pub(super) fn unwrapped(
                 "{title} jumps by {} counts: more than a quarter of the range of a counter of {bits} bits in {}, so \
                  that its direction is not certain: {cause}",
                 steps[k],
-                if long(parts[k]) { "an interval without rows" } else { "one period" },
+                if long(parts[k]) {
+                    "an interval without rows"
+                } else {
+                    "one period"
+                },
             );
             return Err(Refusal::of(rows[k + 1].line, message));
         }

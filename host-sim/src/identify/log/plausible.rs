@@ -54,13 +54,7 @@ impl Plausible {
     }
 
     /// What most likely makes a motion jump in an interval.
-    pub(super) fn cause(
-        &self,
-        counts: &[f64],
-        steps: &[f64],
-        parts: &[u32],
-        k: usize,
-    ) -> String {
+    pub(super) fn cause(&self, counts: &[f64], steps: &[f64], parts: &[u32], k: usize) -> String {
         let length = |k: usize| f64::from(parts[k]) / f64::from(PARTS);
         let speed = |k: usize| steps[k] / length(k);
         let before = k.checked_sub(1).map_or(0.0, speed);
@@ -74,9 +68,10 @@ impl Plausible {
             }
         }
         let span = span(counts);
-        let restarts = counts
-            .windows(2)
-            .filter(|pair| (pair[1] - pair[0]).abs() > 0.75 * span);
+        // Where the counter wraps its steps are small.
+        let restarts = counts.windows(2).zip(steps).filter(|(pair, step)| {
+            (pair[1] - pair[0]).abs() > 0.75 * span && step.abs() > 0.1 * span
+        });
         if restarts.count() > 1 {
             return format!(
                 "it seems to start again every {:.0} counts or so, which is no counter of 2 to 32 bits: unwrap the \
