@@ -11,6 +11,7 @@
 //! file's, missing and late rows, a beginning in motion. What cannot is refused with its row and its likely
 //! cause: counts that no machine makes, a counter of another width, times that go back.
 
+mod cause;
 mod clock;
 mod columns;
 mod counter;

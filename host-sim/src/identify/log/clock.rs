@@ -1,7 +1,7 @@
 //! The record's clock: in which unit its time is, how long its period is, where rows are missing or late.
 
 use super::Refusal;
-use super::rows::{Row, Rows};
+use super::rows::{Content, Row};
 use crate::machine::motion::PARTS;
 
 /// Period of a record and length of each of its intervals.
@@ -33,16 +33,16 @@ const ABSURD: f64 = 50.0;
 /// Puts the times into seconds where their steps show that they are in milliseconds or microseconds, whatever
 /// the header says: the median step is then half to twice 10³ or 10⁶ sample times. Returns the median step, s.
 pub(super) fn in_seconds(
-    rows: &mut Rows,
+    record: &mut Content,
     sample_time: f64,
     remarks: &mut Vec<String>,
 ) -> Result<f64, Refusal> {
-    let title = rows.layout.time.title.clone();
-    let steps: Vec<f64> = steps(&rows.rows).collect();
+    let title = record.layout.time.title.clone();
+    let steps: Vec<f64> = steps(&record.rows).collect();
     let step = median(&steps);
     if step.is_nan() || step <= 0.0 {
         let at = steps.iter().position(|step| *step <= 0.0).unwrap_or(0);
-        return Err(back(&title, rows.rows.get(at + 1), steps.get(at)));
+        return Err(back(&title, record.rows.get(at + 1), steps.get(at)));
     }
     let ratio = step / sample_time;
     let units = [("milliseconds", 1e-3), ("microseconds", 1e-6)];
@@ -50,10 +50,10 @@ pub(super) fn in_seconds(
         .into_iter()
         .find(|(_, scale)| (0.5..=2.0).contains(&(ratio * scale)));
     if let Some((unit, scale)) = guessed {
-        for row in &mut rows.rows {
+        for row in &mut record.rows {
             row.time *= scale;
         }
-        rows.rounding *= scale;
+        record.rounding *= scale;
         remarks.push(format!(
             "{title} steps by {}: taken as {unit}, the drive file's sample time being {}",
             short(step),
@@ -61,7 +61,7 @@ pub(super) fn in_seconds(
         ));
         return Ok(step * scale);
     }
-    if ratio > ABSURD || ratio < 1.0 / ABSURD {
+    if !(1.0 / ABSURD..=ABSURD).contains(&ratio) {
         let message = format!(
             "{title} steps by {} s and the drive file's sample time is {}: name its unit in the header, such as \
              time[ms], or give the times of the control periods where it is none",
@@ -137,7 +137,7 @@ impl Clock {
         }
         let longest = steps.iter().copied().fold(0.0, f64::max);
         if count as f64 > MOST_LATE * steps.len() as f64 {
-            let at = steps.iter().position(|step| late(step)).unwrap_or(0);
+            let at = steps.iter().position(late).unwrap_or(0);
             let message = format!(
                 "{title} is {} after the row before, and so in {count} of {} rows: must be one period of {}, \
                  at most a fifth of the rows may be missing or late",

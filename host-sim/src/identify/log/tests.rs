@@ -218,7 +218,7 @@ fn late_cycles_are_intervals_of_their_length() {
     let rows = |late: f64| {
         let mut rows = Vec::new();
         for k in 0..1000 {
-            let at = k as f64 + if k > 500 { late } else { 0.0 };
+            let at = f64::from(k) + if k > 500 { late } else { 0.0 };
             let (count, current) = swing(40_000.0, 3.0, at);
             rows.push((at * PERIOD, count as i64, current));
         }
@@ -295,7 +295,9 @@ fn currents_are_those_of_the_drive() {
     let scaled = |scale: f64| {
         let mut rows = usual(400);
         let largest = rows.iter().map(|row| row.2.abs()).fold(0.0, f64::max);
-        rows.iter_mut().for_each(|row| row.2 *= scale / largest);
+        for row in &mut rows {
+            row.2 *= scale / largest;
+        }
         written(HEADER, &rows)
     };
     assert!(parse(&scaled(2.05)).is_ok());
@@ -371,7 +373,7 @@ proptest! {
         // A quarter of the range at the fastest.
         let speed = (range as f64 / 4.0 - 1.0).max(1.0);
         let hz: f64 = 3.0;
-        let counts = (speed / (TAU * hz * PERIOD)).max(50.1).min(100_000.0);
+        let counts = (speed / (TAU * hz * PERIOD)).clamp(50.1, 100_000.0);
         let mut rows = usual(3000);
         for (k, row) in rows.iter_mut().enumerate() {
             let count = swing(counts, hz, k as f64).0 as i64 + i64::from(start);
