@@ -504,6 +504,29 @@ fn a_refused_design_is_not_written() {
     assert!(!gains.exists());
 }
 
+/// A counter of any width is designed for and simulated; gains for the firmware are those of a board's counter.
+#[test]
+fn the_firmware_has_counters_of_16_or_32_bits() {
+    let directory = tempfile::tempdir().unwrap();
+    let (path, gains) = (
+        directory.path().join("drive.toml"),
+        directory.path().join("gains.rs"),
+    );
+    fs::write(
+        &path,
+        DRIVE.replace("counter_bits = 16", "counter_bits = 24"),
+    )
+    .unwrap();
+    let (path, rust) = (path.to_str().unwrap(), gains.to_str().unwrap());
+    let (code, _, error) = run(&["design", path]);
+    assert_eq!((code, error.as_str()), (0, ""));
+    let (code, _, error) = run(&["design", path, "--rust", rust]);
+    assert_eq!((code, error.lines().count()), (1, 1), "{error}");
+    let expected = "encoder.counter_bits = 24: the firmware reads counters of 16 or 32 bits alone";
+    assert!(error.contains(expected), "{error}");
+    assert!(!gains.exists());
+}
+
 /// What hangs is refused where nothing holds it or the motor cannot carry it, and a target beyond the travel is
 /// not gone to.
 #[test]

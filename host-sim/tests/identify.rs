@@ -167,7 +167,8 @@ fn bad_logs_get_one_sentence_that_says_where() {
     let line = |number: usize| good.lines().nth(number - 1).unwrap().to_owned();
     let replaced = |number: usize, new: &str| good.replacen(&line(number), new, 1);
     let first: String = good.lines().take(150).collect::<Vec<_>>().join("\n");
-    let without = |number: usize| good.replacen(&format!("{}\n", line(number)), "", 1);
+    let kept = good.lines().enumerate().filter(|(k, _)| k % 4 != 2);
+    let every_fourth_missing = kept.map(|(_, row)| row).collect::<Vec<_>>().join("\n");
     let rows = |row: fn(i32) -> (i32, i32)| {
         (0..500).fold(String::new(), |mut text, k| {
             let (count, current) = row(k);
@@ -185,22 +186,27 @@ fn bad_logs_get_one_sentence_that_says_where() {
         (
             String::new(),
             &[],
-            "log.csv:1: has no column time[s]: must have",
+            "log.csv:1: has no column time[s]: it is empty",
         ),
         (
             "hello\nworld\n".into(),
             &[],
-            "log.csv:1: has no column time[s]",
+            "log.csv:1: has no column time[s]: it has hello; say which it is with --column time=NAME",
         ),
         (
-            good.replace("count[1]", "counts"),
+            good.replace("count[1]", "enc"),
             &[],
-            "log.csv:1: has no column count[1]",
+            "log.csv:1: has no column count[1]: it has time[s], enc, applied_current[A]",
         ),
         (
-            good.replace("applied_current[A]", "applied_current[mA]"),
+            good.replace("applied_current[A]", "applied_current[kA]"),
             &[],
-            "log.csv:1: has no column applied_current[A]",
+            "log.csv:1: has the column applied_current[kA]: its unit must be one of A, mA",
+        ),
+        (
+            good.clone(),
+            &["--column", "speed=v"],
+            "\"speed=v\": must be WHAT=NAME with time, count, position",
         ),
         (
             header.into(),
@@ -225,7 +231,7 @@ fn bad_logs_get_one_sentence_that_says_where() {
         (
             replaced(500, "0.498,1e300,0.1"),
             &[],
-            "log.csv:500: count[1] = 1000000000000",
+            "log.csv:500: count[1] = 1e300: must be 9007199254740992 counts at most",
         ),
         (
             replaced(500, "nan,0,0.1"),
@@ -248,9 +254,9 @@ fn bad_logs_get_one_sentence_that_says_where() {
             "log.csv:700: applied_current[A] = 3.5: is beyond the drive's current_limit of 2 A",
         ),
         (
-            without(800),
+            every_fourth_missing,
             &[],
-            "log.csv:800: time[s] is 0.002000 s after the row before: must be one control period",
+            "log.csv:3: time[s] is 2 ms after the row before, and so in",
         ),
         (
             good.replace("0.500,", "0.499,"),
@@ -273,9 +279,9 @@ fn bad_logs_get_one_sentence_that_says_where() {
             "log.csv: the actuator moves by 2 counts: must be 100 at least",
         ),
         (
-            replaced(2, "0.000,500,0"),
+            replaced(900, &format!("0.898,{},0.1", (count + 9000) % 65_536)),
             &[],
-            "log.csv:3: the actuator moves by",
+            "log.csv:900: count[1] jumps by",
         ),
         (
             reversed(&good),
@@ -308,12 +314,35 @@ fn bad_logs_get_one_sentence_that_says_where() {
         let (code, output, error) = identify(text, arguments);
         assert_eq!((code, output.as_str()), (2, ""), "{expected}: {error}");
         assert!(error.contains(expected), "{expected}: {error}");
-        if !expected.starts_with("invalid value") {
+        if !arguments.contains(&"--column") && !expected.starts_with("invalid value") {
             assert_eq!(error.lines().count(), 1, "{error}");
         }
     }
     let missing = run(&["identify", "nowhere.csv"]);
     assert!(missing.0 == 2 && missing.2.contains("cannot read nowhere.csv"));
+}
+
+/// Columns by other names, and what the reader should be told.
+#[test]
+fn columns_are_named_and_remarks_are_told() {
+    let drive = Drive::default_drive();
+    let good = log(&PlantFile::from(&drive), excitation(&drive));
+    let other = good.replace("time[s],count[1],applied_current[A]", "t,enc,iq");
+    let missing = other.replacen("0.500,", "# 0.500,", 1);
+    let (code, text, error) = identify(
+        &missing,
+        &[
+            "--json",
+            "--column",
+            "time=t,count=enc",
+            "--column",
+            "current=iq",
+        ],
+    );
+    assert_eq!(code, 0, "{error}");
+    assert!(text.contains("load[3].mass"), "{text}");
+    let expected = "note: log.csv: 1 row is missing or late, the longest interval 2 ms";
+    assert!(error.starts_with(expected), "{error}");
 }
 
 /// A log that is well-formed but does not say enough: a failed run that names the parameter and the

@@ -11,6 +11,7 @@
 //! file's, missing and late rows, a beginning in motion. What cannot is refused with its row and its likely
 //! cause: counts that no machine makes, a counter of another width, times that go back.
 
+mod cause;
 mod clock;
 mod columns;
 mod counter;
@@ -170,7 +171,12 @@ fn read(
     let stretch = rest::without_rest(stretch, reading);
     let rows = &stretch[..stretch.len().min(MOST)];
     require_enough(rows)?;
-    let clock = Clock::of(rows, &record.layout.time.title, sample_time, record.rounding)?;
+    let clock = Clock::of(
+        rows,
+        &record.layout.time.title,
+        sample_time,
+        record.rounding,
+    )?;
     remarks.extend(clock.remarks);
     require_current(rows, &record.layout.current.title, &drive.actuator)?;
     let plausible = Plausible::new(drive, clock.period);

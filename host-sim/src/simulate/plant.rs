@@ -346,6 +346,13 @@ mod tests {
         state[0] = 65_537e-6;
         plant.set_state(state);
         assert_eq!(plant.count(), 1);
+        for bits in 2..=32 {
+            let mut plant = self::plant(|file| file.encoder.counter_bits = bits);
+            let mut state = DVector::zeros(8);
+            state[0] = -1.6e-6;
+            plant.set_state(state);
+            assert_eq!(u64::from(plant.count()), (1 << bits) - 2);
+        }
         let (mut asked, mut limited) = (self::plant(|_| {}), self::plant(|_| {}));
         asked.advance(50.0).unwrap();
         limited.advance(2.0).unwrap();

@@ -1,7 +1,7 @@
 //! The record's clock: in which unit its time is, how long its period is, where rows are missing or late.
 
 use super::Refusal;
-use super::rows::{Row, Rows};
+use super::rows::{Content, Row};
 use crate::machine::motion::PARTS;
 
 /// Period of a record and length of each of its intervals.
@@ -19,6 +19,8 @@ pub(super) struct Clock {
 const LATE: f64 = 1.5;
 /// Share of rows that may be.
 const MOST_LATE: f64 = 0.2;
+/// Share of steps that must be regular for the others to be left out of the period.
+const MOST_REGULAR: f64 = 0.9;
 /// Periods by which a row may come early or late and count as regular.
 const JITTER: f64 = 0.1;
 /// Relative difference from the drive file's sample time that is rounding of the times.
@@ -31,16 +33,16 @@ const ABSURD: f64 = 50.0;
 /// Puts the times into seconds where their steps show that they are in milliseconds or microseconds, whatever
 /// the header says: the median step is then half to twice 10³ or 10⁶ sample times. Returns the median step, s.
 pub(super) fn in_seconds(
-    rows: &mut Rows,
+    record: &mut Content,
     sample_time: f64,
     remarks: &mut Vec<String>,
 ) -> Result<f64, Refusal> {
-    let title = rows.layout.time.title.clone();
-    let steps: Vec<f64> = steps(&rows.rows).collect();
+    let title = record.layout.time.title.clone();
+    let steps: Vec<f64> = steps(&record.rows).collect();
     let step = median(&steps);
     if step.is_nan() || step <= 0.0 {
         let at = steps.iter().position(|step| *step <= 0.0).unwrap_or(0);
-        return Err(back(&title, rows.rows.get(at + 1), steps.get(at)));
+        return Err(back(&title, record.rows.get(at + 1), steps.get(at)));
     }
     let ratio = step / sample_time;
     let units = [("milliseconds", 1e-3), ("microseconds", 1e-6)];
@@ -48,10 +50,10 @@ pub(super) fn in_seconds(
         .into_iter()
         .find(|(_, scale)| (0.5..=2.0).contains(&(ratio * scale)));
     if let Some((unit, scale)) = guessed {
-        for row in &mut rows.rows {
+        for row in &mut record.rows {
             row.time *= scale;
         }
-        rows.rounding *= scale;
+        record.rounding *= scale;
         remarks.push(format!(
             "{title} steps by {}: taken as {unit}, the drive file's sample time being {}",
             short(step),
@@ -59,7 +61,7 @@ pub(super) fn in_seconds(
         ));
         return Ok(step * scale);
     }
-    if ratio > ABSURD || ratio < 1.0 / ABSURD {
+    if !(1.0 / ABSURD..=ABSURD).contains(&ratio) {
         let message = format!(
             "{title} steps by {} s and the drive file's sample time is {}: name its unit in the header, such as \
              time[ms], or give the times of the control periods where it is none",
@@ -74,8 +76,8 @@ pub(super) fn in_seconds(
 impl Clock {
     /// Of rows whose times are in seconds.
     ///
-    /// The period is the mean of all steps that are one period by the median: their jitter is within a tenth
-    /// of it, or where the times are rounded more coarsely, by half of it.
+    /// The period is the mean of the steps that are within a tenth of the median, or within what the times are
+    /// rounded to where that is more; where a tenth of all steps is not, of those within half of it.
     pub(super) fn of(
         rows: &[Row],
         title: &str,
@@ -94,8 +96,9 @@ impl Clock {
             let count = regular.clone().count();
             (count, regular.sum::<f64>() / count as f64)
         };
-        let (regular, period) = mean(JITTER);
-        let enough = regular as f64 >= 0.9 * steps.len() as f64;
+        let jitter = |period: f64| JITTER.max(1.01 * rounding / period).min(0.499);
+        let (regular, period) = mean(jitter(middle));
+        let enough = regular as f64 >= MOST_REGULAR * steps.len() as f64;
         let mut period = if enough { period } else { mean(0.499).1 };
         let mut remarks = Vec::new();
         let other = (period / sample_time - 1.0).abs();
@@ -108,7 +111,7 @@ impl Clock {
                 milliseconds(sample_time)
             ));
         }
-        let jitter = JITTER.max(1.01 * rounding / period).min(0.5);
+        let jitter = jitter(period);
         let parts = steps.iter().map(|step| {
             let periods = step / period;
             if (periods - 1.0).abs() <= jitter {
@@ -126,12 +129,7 @@ impl Clock {
     }
 
     /// Counts the rows that are late; refused where there are too many.
-    fn with_late_rows(
-        mut self,
-        rows: &[Row],
-        steps: &[f64],
-        title: &str,
-    ) -> Result<Self, Refusal> {
+    fn with_late_rows(mut self, rows: &[Row], steps: &[f64], title: &str) -> Result<Self, Refusal> {
         let late = |step: &f64| *step > LATE * self.period;
         let count = steps.iter().filter(|step| late(step)).count();
         if count == 0 {
@@ -139,7 +137,7 @@ impl Clock {
         }
         let longest = steps.iter().copied().fold(0.0, f64::max);
         if count as f64 > MOST_LATE * steps.len() as f64 {
-            let at = steps.iter().position(|step| late(step)).unwrap_or(0);
+            let at = steps.iter().position(late).unwrap_or(0);
             let message = format!(
                 "{title} is {} after the row before, and so in {count} of {} rows: must be one period of {}, \
                  at most a fifth of the rows may be missing or late",

@@ -1,7 +1,7 @@
 //! Counts without the counter's wrapping.
 
 use super::Refusal;
-use super::clock::median;
+use super::cause::cause;
 use super::columns::Found;
 use super::plausible::{Plausible, span};
 use super::rows::Row;
@@ -135,18 +135,22 @@ pub(super) fn unwrapped(
             (steps[*k] - expected).abs() > quarter
         };
         if let Some(k) = (0..steps.len()).find(uncertain) {
-            let cause = plausible.cause(&counts, &steps, parts, k);
+            let cause = cause(&counts, &steps, parts, k);
             let message = format!(
                 "{title} jumps by {} counts: more than a quarter of the range of a counter of {bits} bits in {}, so \
                  that its direction is not certain: {cause}",
                 steps[k],
-                if long(parts[k]) { "an interval without rows" } else { "one period" },
+                if long(parts[k]) {
+                    "an interval without rows"
+                } else {
+                    "one period"
+                },
             );
             return Err(Refusal::of(rows[k + 1].line, message));
         }
     }
     if let Some(k) = plausible.outlier(&steps, parts) {
-        let cause = plausible.cause(&counts, &steps, parts, k);
+        let cause = cause(&counts, &steps, parts, k);
         let message = format!(
             "{title} jumps by {:.0} counts from one row to the next, which no force of this drive can make of the \
              motion before and after: {cause}",
@@ -169,8 +173,8 @@ fn other_width(
     if counts.iter().any(|count| count.fract() != 0.0) {
         return None;
     }
-    let span = span(counts);
-    let bits = (2..=32).find(|bits| span < 2_f64.powi(*bits))?;
+    let widest = span(counts);
+    let bits = (2..=32).find(|bits| widest < 2_f64.powi(*bits))?;
     let other = Reading::Wrapping(bits as u32);
     if matches!(reading, Reading::Wrapping(read) if read <= bits as u32) {
         return None;
@@ -186,17 +190,7 @@ fn other_width(
         }
     }
     let steps = differences(counts, parts, other);
-    let moves = span_of_motion(&steps) >= LEAST_COUNTS;
+    let moves = span(&positions(&steps)) >= LEAST_COUNTS;
     let found = wraps > 0 && moves && plausible.outlier(&steps, parts).is_none();
     found.then_some(bits as u32)
-}
-
-/// Counts through which the actuator moves.
-fn span_of_motion(steps: &[f64]) -> f64 {
-    span(&positions(steps))
-}
-
-/// The usual step, counts.
-pub(super) fn usual(steps: impl Iterator<Item = f64>) -> f64 {
-    median(&steps.map(f64::abs).collect::<Vec<_>>())
 }

@@ -1,6 +1,6 @@
-//! Whether a motion is one that a machine can make, and what was the matter where it is not.
+//! Whether a motion is one that a machine can make.
 
-use super::counter::usual;
+use super::clock::median;
 use crate::drive::Drive;
 use crate::machine::motion::PARTS;
 
@@ -37,7 +37,8 @@ impl Plausible {
         let speed = |k: usize| steps[k] / length(k);
         let change = |k: usize| speed(k) - speed(k - 1);
         let between = |k: usize| 0.5 * (length(k) + length(k - 1));
-        let usual = usual((1..steps.len()).map(|k| change(k) / between(k)));
+        let changes = (1..steps.len()).map(|k| (change(k) / between(k)).abs());
+        let usual = median(&changes.collect::<Vec<_>>());
         let most = (FORCES * self.acceleration).max(USUAL * usual);
         let k = (1..steps.len()).find(|k| {
             let shorter = length(*k).min(length(k - 1));
@@ -51,50 +52,6 @@ impl Plausible {
         } else {
             k
         })
-    }
-
-    /// What most likely makes a motion jump in an interval.
-    pub(super) fn cause(
-        &self,
-        counts: &[f64],
-        steps: &[f64],
-        parts: &[u32],
-        k: usize,
-    ) -> String {
-        let length = |k: usize| f64::from(parts[k]) / f64::from(PARTS);
-        let speed = |k: usize| steps[k] / length(k);
-        let before = k.checked_sub(1).map_or(0.0, speed);
-        let jump = steps[k] - before * length(k);
-        if let Some(next) = steps.get(k + 1) {
-            let back = next - before * length(k + 1);
-            if (jump + back).abs() < 0.25 * jump.abs() {
-                return "one wrong reading, as electrical noise makes it; check wiring and shielding, or take the \
-                        row out"
-                    .into();
-            }
-        }
-        let span = span(counts);
-        let restarts = counts
-            .windows(2)
-            .filter(|pair| (pair[1] - pair[0]).abs() > 0.75 * span);
-        if restarts.count() > 1 {
-            return format!(
-                "it seems to start again every {:.0} counts or so, which is no counter of 2 to 32 bits: unwrap the \
-                 column first",
-                span + 1.0
-            );
-        }
-        let periods = steps[k] / before;
-        let whole = (1.5..50.0).contains(&periods) && (periods - periods.round()).abs() < 0.1;
-        if whole && before.abs() > ROUNDING {
-            return format!(
-                "{:.0} rows seem to be missing here without their time",
-                periods.round() - 1.0
-            );
-        }
-        "counts were lost or the counter was set, electrical noise, or the counter has another width than \
-         encoder.counter_bits"
-            .into()
     }
 }
 

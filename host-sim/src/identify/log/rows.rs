@@ -20,8 +20,8 @@ pub(super) struct Row {
     pub(super) mode: String,
 }
 
-/// All rows of a record, and what its columns are.
-pub(super) struct Rows {
+/// What a record holds.
+pub(super) struct Content {
     /// The rows.
     pub(super) rows: Vec<Row>,
     /// Which drive wrote it, where it says.
@@ -36,7 +36,7 @@ pub(super) struct Rows {
 const EXACT: f64 = 9_007_199_254_740_992.0;
 
 /// Reads them.
-pub(super) fn rows(table: &Table, columns: &Columns, drive: &Drive) -> Result<Rows, Refusal> {
+pub(super) fn rows(table: &Table, columns: &Columns, drive: &Drive) -> Result<Content, Refusal> {
     let layout = layout(&table.header, table.line, columns, drive.kind)?;
     let (mut rows, mut name, mut decimal) = (Vec::new(), None, Some(1.0_f64));
     for (line, record) in &table.rows {
@@ -75,7 +75,7 @@ pub(super) fn rows(table: &Table, columns: &Columns, drive: &Drive) -> Result<Ro
             mode: layout.mode.map(field).unwrap_or_default().to_owned(),
         });
     }
-    Ok(Rows {
+    Ok(Content {
         rows,
         drive: name,
         rounding: decimal.unwrap_or(0.0) * layout.time.scale,

@@ -13,11 +13,7 @@ const APART: f64 = 50.0;
 /// actuator moves through most counts; a stretch ends where rows are missing for long.
 ///
 /// * `period`: about, s
-pub(super) fn most_moving(
-    rows: &[Row],
-    period: f64,
-    reading: Reading,
-) -> (&[Row], Option<String>) {
+pub(super) fn most_moving(rows: &[Row], period: f64, reading: Reading) -> (&[Row], Option<String>) {
     let together = |a: &Row, b: &Row| b.time - a.time <= APART * period;
     for mode in ["Exciting", "Running"] {
         let runs = rows

@@ -48,8 +48,7 @@ pub(super) fn table(mut text: impl Read) -> Result<Table, Refusal> {
         .from_reader(text.as_bytes());
     let mut records = Vec::new();
     for record in reader.records() {
-        let record =
-            record.map_err(|problem| Refusal::of_all(format!("is no CSV: {problem}")))?;
+        let record = record.map_err(|problem| Refusal::of_all(format!("is no CSV: {problem}")))?;
         let kept = record.position().map_or(1, |at| at.line() as usize);
         let line = lines.get(kept - 1).map_or(0, |(line, _)| *line);
         records.push((line, record));
@@ -106,6 +105,8 @@ pub(super) fn last_decimal(text: &str) -> Option<f64> {
     if text.contains(['e', 'E']) {
         return None;
     }
-    let decimals = text.split_once(['.', ',']).map_or(0, |(_, rest)| rest.len());
+    let decimals = text
+        .split_once(['.', ','])
+        .map_or(0, |(_, rest)| rest.len());
     Some(10_f64.powi(-(decimals as i32)))
 }
