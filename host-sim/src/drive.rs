@@ -4,8 +4,8 @@
 //! text --schema (TOML)--> document (places, numbers) --machine_tables, design_tables--> Drive, PlantFile
 //! ```
 //!
-//! [`Drive`] is what the controller believes, a [`PlantFile`] has the same schema plus external forces:
-//! what is really there. A description says what is wanted and knows nothing of how it is designed:
+//! [`Drive`] is what the controller believes, a [`PlantFile`] has the same schema plus external forces
+//! and imperfections: what is really there. A description says what is wanted and knows nothing of how it is designed:
 //! weights that follow from a settling time or from energies stand here as they were asked for. Doc
 //! comments name the units of a linear drive; [`Kind::units`] has those of a rotary one.
 
@@ -18,7 +18,7 @@ mod schema;
 pub use schema::schema;
 
 use crate::error::{Error, Result};
-use crate::machine::{Actuator, Encoder, ExternalForce, Friction, Kind, Load};
+use crate::machine::{Actuator, Encoder, ExternalForce, Friction, Imperfections, Kind, Load};
 use document::{Document, read};
 use std::path::Path;
 
@@ -237,7 +237,7 @@ pub struct Drive {
     pub protection: StatedProtection,
 }
 
-/// What is really there: actuator, encoder, loads, friction and forces.
+/// What is really there: actuator, encoder, loads, friction, forces and imperfections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlantFile {
     /// Linear or rotary.
@@ -252,6 +252,8 @@ pub struct PlantFile {
     pub friction: Friction,
     /// Forces from outside.
     pub forces: Vec<ExternalForce>,
+    /// What no drive reckons with.
+    pub imperfections: Imperfections,
     /// The control period that the file was written for, s, where it states one.
     pub sample_time: Option<f64>,
 }
@@ -266,6 +268,7 @@ impl From<&Drive> for PlantFile {
             loads: drive.loads.clone(),
             friction: drive.friction.clone(),
             forces: Vec::new(),
+            imperfections: Imperfections::default(),
             sample_time: Some(drive.control.sample_time),
         }
     }
@@ -296,13 +299,13 @@ impl Drive {
     /// * `name`: of the file, for messages
     ///
     /// # Errors
-    /// [`Error::Input`], or [`Error::PlantOnly`] for a table of a plant file.
+    /// [`Error::Input`], or [`Error::PlantOnly`] for a table or key of a plant file.
     pub fn parse(text: &str, name: &str) -> Result<Self> {
         let (document, raw) = Document::open(text, name)?;
-        if let Some(force) = raw.force.first() {
+        if let Some((what, span)) = raw.plant_only() {
             return Err(Error::PlantOnly {
-                place: document.place(Some(force.span())),
-                table: "[[force]]",
+                place: document.place(Some(span)),
+                what,
             });
         }
         let actuator = document.actuator(&raw.actuator, raw.amplifier.as_ref())?;
@@ -314,6 +317,7 @@ impl Drive {
             .as_ref()
             .ok_or_else(|| document.missing("[control]"))?;
         let control = document.control(control)?;
+        document.delay_of_a_drive(&raw.actuator, control.sample_time)?;
         let observer = document.observer(raw.observer.as_ref(), &control)?;
         let cost = match &raw.cost {
             Some(cost) => document.cost(cost, loads.len())?,
@@ -390,6 +394,7 @@ impl PlantFile {
             loads,
             friction,
             forces,
+            imperfections: document.imperfections(&raw)?,
             sample_time,
         })
     }

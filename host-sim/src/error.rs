@@ -17,12 +17,12 @@ pub enum Error {
         message: String,
     },
     /// A drive file says what only a plant file can say.
-    #[error("{place}: {table} belongs into a plant file")]
+    #[error("{place}: {what} belongs into a plant file")]
     PlantOnly {
         /// `file:line`.
         place: String,
-        /// The table.
-        table: &'static str,
+        /// The table or key.
+        what: &'static str,
     },
     /// A parameter has a value that cannot be used.
     #[error("{}: {rule}", named(parameter, values))]

@@ -366,8 +366,38 @@ fn bad_drives_get_one_sentence_that_says_where() {
         ),
         (
             "[cost] ",
-            "[friction]\nstatic = 1.0\n[cost] ",
-            "unknown field `static`",
+            "[friction]\ndynamic = 1.0\n[cost] ",
+            "unknown field `dynamic`",
+        ),
+        (
+            "[cost] ",
+            "[friction]\ncoulomb = 1.5\nstatic = 1.0\n[cost] ",
+            "friction.static = 1: must be from friction.coulomb = 1.5 to 1e9 N",
+        ),
+        (
+            "[cost] ",
+            "[friction]\ncoulomb = 1.5\nstatic = 2.0\nstribeck_velocity = 0.0\n[cost] ",
+            "friction.stribeck_velocity = 0: must be from 1e-9 to 1e9 m/s",
+        ),
+        (
+            "[actuator]",
+            "[actuator]\ndelay = 4.1e-3",
+            "actuator.delay = 0.0041: must be at most 4 control periods, 0.004 s, in a drive file",
+        ),
+        (
+            "[actuator]",
+            "[actuator]\nlag = -1e-3",
+            "actuator.lag = -0.001: must be 0 (none) or from 1e-9 to 1 s",
+        ),
+        (
+            "[actuator]",
+            "[actuator]\ncogging = 0.1",
+            "actuator.cogging belongs into a plant file",
+        ),
+        (
+            "[encoder]",
+            "[encoder]\nnoise = 1e-6",
+            "encoder.noise belongs into a plant file",
         ),
         (
             "[cost] ",

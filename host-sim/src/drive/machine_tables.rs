@@ -6,11 +6,17 @@ use super::schema::{
     Number, RawActuator, RawAmplifier, RawEncoder, RawFile, RawForce, RawFriction,
 };
 use crate::error::Result;
-use crate::machine::{Actuator, Encoder, ExternalForce, Friction, Load};
+use crate::machine::{Actuator, Encoder, ExternalForce, Friction, Imperfections, Load, Wave};
 use toml::Spanned;
 
 /// The middle of twelve bits.
 const MIDDLE: u16 = 2048;
+/// Velocity in which what holds at rest fades where the file does not say, m/s or rad/s: that of greased guides.
+const STRIBECK_VELOCITY: f64 = 5e-3;
+/// Longest delay and lag of a force, s, and most control periods of delay that a drive reckons with.
+const LONGEST_DELAY: f64 = 0.1;
+const LONGEST_LAG: f64 = 1.0;
+const MOST_PERIODS: f64 = 4.0;
 
 impl Document<'_> {
     pub(super) fn actuator(
@@ -79,9 +85,36 @@ impl Document<'_> {
             force_constant,
             current_limit,
             current_resolution,
-            delay: 0.0,
-            lag: 0.0,
+            delay: match &raw.delay {
+                None => 0.0,
+                Some(delay) => {
+                    let ok = (0.0..=LONGEST_DELAY).contains(delay.get_ref());
+                    let allowed = format!("from 0 to {LONGEST_DELAY} s");
+                    self.checked("actuator.delay", delay, ok, &allowed)?
+                }
+            },
+            lag: match &raw.lag {
+                None => 0.0,
+                Some(lag) => {
+                    let number = *lag.get_ref();
+                    let ok = number == 0.0 || (SMALLEST..=LONGEST_LAG).contains(&number);
+                    let allowed = format!("0 (none) or from {SMALLEST:e} to {LONGEST_LAG} s");
+                    self.checked("actuator.lag", lag, ok, &allowed)?
+                }
+            },
         })
+    }
+
+    /// A drive reckons with a delay of some control periods.
+    pub(super) fn delay_of_a_drive(&self, raw: &RawActuator, sample_time: f64) -> Result<()> {
+        let Some(delay) = &raw.delay else {
+            return Ok(());
+        };
+        let most = MOST_PERIODS * sample_time;
+        let ok = *delay.get_ref() <= most;
+        let allowed = format!("at most {MOST_PERIODS} control periods, {most} s, in a drive file");
+        self.checked("actuator.delay", delay, ok, &allowed)?;
+        Ok(())
     }
 
     pub(super) fn encoder(&self, raw: &RawEncoder) -> Result<Encoder> {
@@ -125,8 +158,16 @@ impl Document<'_> {
                         units.stiffness,
                     )?,
                     damping: self.positive(&key("damping"), &load.damping, units.damping)?,
-                    viscous: 0.0,
-                    coulomb: 0.0,
+                    viscous: self.not_negative(
+                        &key("viscous"),
+                        load.viscous.as_ref(),
+                        units.damping,
+                    )?,
+                    coulomb: self.not_negative(
+                        &key("coulomb"),
+                        load.coulomb.as_ref(),
+                        units.force,
+                    )?,
                 })
             })
             .collect()
@@ -140,13 +181,80 @@ impl Document<'_> {
         let units = self.units();
         let value =
             |key: &str, value: &Option<Number>, unit| self.not_negative(key, value.as_ref(), unit);
+        let coulomb = value("friction.coulomb", &raw.coulomb, units.force)?;
         Ok(Friction {
-            coulomb: value("friction.coulomb", &raw.coulomb, units.force)?,
-            coulomb_backward: None,
-            breakaway: 0.0,
-            stribeck_velocity: 0.0,
+            coulomb,
+            coulomb_backward: match &raw.coulomb_backward {
+                None => None,
+                backward => Some(value("friction.coulomb_backward", backward, units.force)?),
+            },
+            breakaway: match &raw.at_rest {
+                None => 0.0,
+                Some(number) => {
+                    let ok = (coulomb..=LARGEST).contains(number.get_ref());
+                    let allowed = format!(
+                        "from friction.coulomb = {coulomb} to {LARGEST:e} {}",
+                        units.force
+                    );
+                    self.checked("friction.static", number, ok, &allowed)? - coulomb
+                }
+            },
+            stribeck_velocity: match &raw.stribeck_velocity {
+                None => STRIBECK_VELOCITY,
+                Some(number) => {
+                    self.positive("friction.stribeck_velocity", number, units.velocity)?
+                }
+            },
             viscous: value("friction.viscous", &raw.viscous, units.damping)?,
         })
+    }
+
+    /// What a plant alone has.
+    pub(super) fn imperfections(&self, raw: &RawFile) -> Result<Imperfections> {
+        let units = self.units();
+        let (actuator, encoder) = (&raw.actuator, &raw.encoder);
+        let loads = raw.load.iter().enumerate();
+        let backlash = loads.map(|(i, load)| {
+            let key = format!("load[{}].backlash", i + 1);
+            self.not_negative(&key, load.get_ref().backlash.as_ref(), units.position)
+        });
+        Ok(Imperfections {
+            cogging: self.wave(
+                ("actuator.cogging", &actuator.cogging, units.force),
+                ("actuator.cogging_pitch", &actuator.cogging_pitch),
+            )?,
+            backlash: backlash.collect::<Result<_>>()?,
+            eccentricity: self.wave(
+                (
+                    "encoder.eccentricity",
+                    &encoder.eccentricity,
+                    units.position,
+                ),
+                ("encoder.eccentricity_pitch", &encoder.eccentricity_pitch),
+            )?,
+            noise: self.not_negative("encoder.noise", encoder.noise.as_ref(), units.position)?,
+        })
+    }
+
+    /// An amplitude and its pitch: both or neither.
+    fn wave(
+        &self,
+        (key, amplitude, unit): (&str, &Option<Number>, &str),
+        (pitch_key, pitch): (&str, &Option<Number>),
+    ) -> Result<Wave> {
+        let needs = |number: &Number, key: &str, other: &str| {
+            let message = format!("{key} = {}: needs {other} as well", number.get_ref());
+            Err(self.error(Some(number.span()), message))
+        };
+        match (amplitude, pitch) {
+            (None, None) => Ok(Wave::default()),
+            (Some(amplitude), None) => needs(amplitude, key, pitch_key),
+            (None, Some(pitch)) => needs(pitch, pitch_key, key),
+            (Some(_), Some(pitch)) => Ok(Wave {
+                amplitude: self.not_negative(key, amplitude.as_ref(), unit)?,
+                pitch: self.positive(pitch_key, pitch, self.units().position)?,
+            }),
+        }
     }
 
     pub(super) fn force(

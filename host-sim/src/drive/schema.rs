@@ -4,6 +4,7 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::{Value, json};
+use std::ops::Range;
 use toml::Spanned;
 
 /// A drive or a plant. SI units; for a rotary drive read kg m^2 for kg, rad for m, N m for N.
@@ -75,6 +76,19 @@ pub(super) struct RawActuator {
     /// N/A: identified minus nominal force constant, Delta `k_f` of (18).
     #[schemars(with = "Option<f64>")]
     pub(super) force_constant_deviation: Option<Number>,
+    /// s: by which the force comes late behind the command, beside the control period itself; 0 when absent, at
+    /// most 4 control periods in a drive file.
+    #[schemars(with = "Option<f64>")]
+    pub(super) delay: Option<Number>,
+    /// s: time constant of the force's first-order lag behind the command; 0 when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) lag: Option<Number>,
+    /// N: amplitude of the force that draws the actuator to multiples of the pitch; 0 when absent; plant files only.
+    #[schemars(with = "Option<f64>")]
+    pub(super) cogging: Option<Number>,
+    /// m: in which it repeats.
+    #[schemars(with = "Option<f64>")]
+    pub(super) cogging_pitch: Option<Number>,
 }
 
 /// How the amplifier reads the board's converter.
@@ -98,6 +112,15 @@ pub(super) struct RawEncoder {
     /// Width of the counter: 2 to 32; 16 or 32 for the firmware.
     #[schemars(with = "i64", range(min = 2, max = 32))]
     pub(super) counter_bits: Spanned<i64>,
+    /// m: amplitude of what the encoder reads too much, a sine of the position; 0 when absent; plant files only.
+    #[schemars(with = "Option<f64>")]
+    pub(super) eccentricity: Option<Number>,
+    /// m: in which it repeats.
+    #[schemars(with = "Option<f64>")]
+    pub(super) eccentricity_pitch: Option<Number>,
+    /// m rms: Gaussian noise of the encoder before it rounds, the same in every run; 0 when absent; plant files only.
+    #[schemars(with = "Option<f64>")]
+    pub(super) noise: Option<Number>,
 }
 
 /// A load mass with spring and damper towards the actuator.
@@ -113,6 +136,15 @@ pub(super) struct RawLoad {
     /// N s/m.
     #[schemars(with = "f64")]
     pub(super) damping: Number,
+    /// N s/m: viscous friction against the ground; 0 when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) viscous: Option<Number>,
+    /// N: Coulomb friction against the ground, in the simulated plant; 0 when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) coulomb: Option<Number>,
+    /// m: total gap within which spring and damper carry nothing; 0 when absent; plant files only.
+    #[schemars(with = "Option<f64>")]
+    pub(super) backlash: Option<Number>,
 }
 
 /// Sampling and observers.
@@ -214,6 +246,16 @@ pub(super) struct RawFriction {
     /// N: fed forward by the drive, and in the simulated plant.
     #[schemars(with = "Option<f64>")]
     pub(super) coulomb: Option<Number>,
+    /// N: of motion backwards, in the simulated plant; as coulomb when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) coulomb_backward: Option<Number>,
+    /// N: most that holds at rest, in the simulated plant; backwards as much more than in motion; coulomb when absent.
+    #[serde(rename = "static")]
+    #[schemars(with = "Option<f64>")]
+    pub(super) at_rest: Option<Number>,
+    /// m/s: at which of what holds at rest beyond coulomb a share of 1/e is left; 5e-3 when absent.
+    #[schemars(with = "Option<f64>")]
+    pub(super) stribeck_velocity: Option<Number>,
     /// N s/m: in the design and in the simulated plant.
     #[schemars(with = "Option<f64>")]
     pub(super) viscous: Option<Number>,
@@ -282,6 +324,37 @@ pub(super) struct RawProtection {
     pub(super) travel: Option<Spanned<Vec<Number>>>,
 }
 
+/// Keys of a plant file alone.
+const PLANT_ONLY: [(&str, &str); 6] = [
+    ("RawActuator", "cogging"),
+    ("RawActuator", "cogging_pitch"),
+    ("RawLoad", "backlash"),
+    ("RawEncoder", "eccentricity"),
+    ("RawEncoder", "eccentricity_pitch"),
+    ("RawEncoder", "noise"),
+];
+
+impl RawFile {
+    /// Where it first says what only a plant file can say: the table or key, and its place.
+    pub(super) fn plant_only(&self) -> Option<(&'static str, Range<usize>)> {
+        let (actuator, encoder) = (&self.actuator, &self.encoder);
+        let keys = [
+            ("actuator.cogging", &actuator.cogging),
+            ("actuator.cogging_pitch", &actuator.cogging_pitch),
+            ("encoder.eccentricity", &encoder.eccentricity),
+            ("encoder.eccentricity_pitch", &encoder.eccentricity_pitch),
+            ("encoder.noise", &encoder.noise),
+        ];
+        let loads = self.load.iter().map(|load| &load.get_ref().backlash);
+        let keys = keys
+            .into_iter()
+            .chain(loads.map(|key| ("load.backlash", key)));
+        let spans = keys.filter_map(|(name, key)| Some((name, key.as_ref()?.span())));
+        let forces = self.force.iter().map(|force| ("[[force]]", force.span()));
+        spans.chain(forces).min_by_key(|(_, span)| span.start)
+    }
+}
+
 /// JSON schema of a drive file, or of a plant file.
 #[must_use]
 pub fn schema(plant: bool) -> Value {
@@ -297,6 +370,11 @@ pub fn schema(plant: bool) -> Value {
         }
         if let Some(definitions) = schema["$defs"].as_object_mut() {
             definitions.remove("RawForce");
+        }
+        for (table, key) in PLANT_ONLY {
+            if let Some(properties) = schema["$defs"][table]["properties"].as_object_mut() {
+                properties.remove(key);
+            }
         }
     }
     schema["required"] = json!(required);
@@ -352,6 +430,11 @@ mod tests {
     fn a_drive_file_has_no_force_and_needs_no_cost() {
         let drive = schema(false);
         assert!(drive["properties"].get("force").is_none());
+        let plant = schema(true);
+        for (table, key) in PLANT_ONLY {
+            let has = |schema: &Value| schema["$defs"][table]["properties"].get(key).is_some();
+            assert!(has(&plant) && !has(&drive), "{table}.{key}");
+        }
         assert_eq!(
             drive["required"],
             json!(["actuator", "encoder", "load", "control"])

@@ -3,18 +3,29 @@
 //! A machine in [`Motion`] under the held current, the forces from outside and friction, behind an
 //! amplifier that keeps its own limit; the encoder rounds to whole counts and wraps. Where it has a brake,
 //! this holds the actuator while the amplifier is off.
+//!
+//! Cogging and backlash are forces over a part of a period, the mean over it each: the chain has every spring
+//! and damper, and a gap takes back what they do not carry. Outside of the gap that is a constant force.
 
 use crate::chain::Chain;
-use crate::drive::PlantFile;
+use crate::drive::{MAX_LOADS, PlantFile};
 use crate::error::{Error, Result};
 use crate::linear::zoh::zero_order_hold;
 use crate::machine::motion::PARTS;
-use crate::machine::{ExternalForce, Mechanics, Motion};
+use crate::machine::{ExternalForce, Mechanics, Motion, Wave};
 use nalgebra::DVector;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+/// Of the encoder's noise: the same in every run.
+const SEED: u64 = 1;
+/// Times that the motion over a part is found again under the forces that follow from it.
+const ROUNDS: usize = 4;
 
 /// Where the loads are at rest under the steady forces while the actuator is held at the origin: each spring
 /// carries what pulls at the masses beyond it.
-fn hanging(chain: &Chain, forces: &[ExternalForce]) -> DVector<f64> {
+fn hanging(chain: &Chain, gaps: &[Gap], forces: &[ExternalForce]) -> DVector<f64> {
     let mut state = DVector::zeros(chain.states());
     let mut position = 0.0;
     for load in 1..=chain.loads() {
@@ -25,10 +36,186 @@ fn hanging(chain: &Chain, forces: &[ExternalForce]) -> DVector<f64> {
         // A broken spring carries nothing.
         if chain.stiffness[load - 1] > 0.0 {
             position += pull / chain.stiffness[load - 1];
+            if pull != 0.0 {
+                let gap = gaps.iter().find(|gap| gap.inner == 2 * load - 2);
+                position += gap.map_or(0.0, |gap| gap.half.copysign(pull));
+            }
         }
         state[2 * load] = position;
     }
     state
+}
+
+/// A gap at a spring.
+#[derive(Clone, Debug)]
+struct Gap {
+    /// Positions in the state of the masses beside it.
+    inner: usize,
+    outer: usize,
+    stiffness: f64,
+    damping: f64,
+    /// m to each side.
+    half: f64,
+    /// kg.
+    masses: (f64, f64),
+    /// Response over a part to 1 N on the inner mass and -1 N on the outer one.
+    response: DVector<f64>,
+}
+
+impl Gap {
+    /// Force that spring and damper of the chain have beyond what they carry over the gap, N, towards the outer
+    /// mass positive. No contact pulls.
+    fn beyond(&self, state: impl Fn(usize) -> f64) -> f64 {
+        let stretch = state(self.inner) - state(self.outer);
+        let rate = state(self.inner + 1) - state(self.outer + 1);
+        let side = stretch.signum();
+        let pressed = self.stiffness * (stretch - side * self.half) + self.damping * rate;
+        let carried = if stretch.abs() <= self.half {
+            0.0
+        } else {
+            side * (side * pressed).max(0.0)
+        };
+        self.stiffness * stretch + self.damping * rate - carried
+    }
+}
+
+/// What acts on a plant besides its motor, over parts of a period.
+#[derive(Clone, Debug)]
+struct Surroundings {
+    /// Each with the response over one part of a period to 1 N of it.
+    forces: Vec<(ExternalForce, DVector<f64>)>,
+    cogging: Wave,
+    /// To 1 N on the actuator over a part.
+    response: DVector<f64>,
+    gaps: Vec<Gap>,
+    /// s.
+    part: f64,
+}
+
+impl Surroundings {
+    fn new(file: &PlantFile, chain: &Chain, part: f64) -> Self {
+        let a = chain.a();
+        let response = |mass: usize| zero_order_hold(&a, &chain.force_input(mass), part).1;
+        let forces = file.forces.iter();
+        let forces = forces.map(|force| (force.clone(), response(force.mass)));
+        let gaps = file.imperfections.backlash.iter().enumerate();
+        let gaps = gaps
+            .filter(|(_, gap)| **gap > 0.0)
+            .map(|(spring, gap)| Gap {
+                inner: 2 * spring,
+                outer: 2 * spring + 2,
+                stiffness: chain.stiffness[spring],
+                damping: chain.damping[spring],
+                half: 0.5 * gap,
+                masses: (chain.mass[spring], chain.mass[spring + 1]),
+                response: response(spring) - response(spring + 1),
+            });
+        Self {
+            forces: forces.collect(),
+            cogging: file.imperfections.cogging,
+            response: response(0),
+            gaps: gaps.collect(),
+            part,
+        }
+    }
+
+    /// Whether anything acts between two times, s.
+    fn act(&self, begin: f64, end: f64) -> bool {
+        let acts = |force: &ExternalForce| {
+            force.newton != 0.0 && force.start < end && begin < force.start + force.duration
+        };
+        self.cogging.amplitude != 0.0
+            || !self.gaps.is_empty()
+            || self.forces.iter().any(|(force, _)| acts(force))
+    }
+
+    /// What they do over a part that begins at a time, s.
+    fn add(&self, begin: f64, before: &DVector<f64>, state: &mut DVector<f64>) {
+        for (force, response) in &self.forces {
+            // The mean over the part, so that no force loses its momentum.
+            let until = (force.start + force.duration).min(begin + self.part);
+            let share = (until - force.start.max(begin)) / self.part;
+            if share > 0.0 {
+                state.axpy(share * force.newton, response, 1.0);
+            }
+        }
+        if self.cogging.amplitude == 0.0 && self.gaps.is_empty() {
+            return;
+        }
+        let mut cogging = 0.0;
+        let mut taken = [(0.0, 0.0); MAX_LOADS];
+        for _ in 0..ROUNDS {
+            let force = -self.cogging.at(self.mean(0, before, state));
+            state.axpy(force - cogging, &self.response, 1.0);
+            cogging = force;
+            for (gap, taken) in self.gaps.iter().zip(&mut taken) {
+                let mean = gap.beyond(|element| self.mean(element, before, state));
+                let change =
+                    gap.beyond(|element| state[element]) - gap.beyond(|element| before[element]);
+                state.axpy(mean - taken.0, &gap.response, 1.0);
+                // What comes late in the part moves less.
+                let late = (change - taken.1) * self.part * self.part / 12.0;
+                state[gap.inner] -= late / gap.masses.0;
+                state[gap.outer] += late / gap.masses.1;
+                *taken = (mean, change);
+            }
+        }
+    }
+
+    /// Mean of an element of the state over a part, from those at its ends: a position by the cubic through both,
+    /// a velocity by the way.
+    fn mean(&self, element: usize, before: &DVector<f64>, after: &DVector<f64>) -> f64 {
+        if element % 2 == 1 {
+            return (after[element - 1] - before[element - 1]) / self.part;
+        }
+        let change = after[element + 1] - before[element + 1];
+        0.5 * (before[element] + after[element]) - change * self.part / 12.0
+    }
+}
+
+/// What the encoder makes of a position.
+#[derive(Clone, Debug)]
+struct Reading {
+    resolution: f64,
+    counter_mask: u32,
+    eccentricity: Wave,
+    /// Of the noise, m.
+    deviation: f64,
+    random: ChaCha8Rng,
+    /// Noise in this period, m.
+    noise: f64,
+}
+
+impl Reading {
+    fn new(file: &PlantFile) -> Self {
+        let mut reading = Self {
+            resolution: file.encoder.resolution,
+            counter_mask: u32::MAX >> (32 - file.encoder.counter_bits),
+            eccentricity: file.imperfections.eccentricity,
+            deviation: file.imperfections.noise,
+            random: ChaCha8Rng::seed_from_u64(SEED),
+            noise: 0.0,
+        };
+        reading.look();
+        reading
+    }
+
+    /// Draws the noise of a period, Gaussian after Box and Muller.
+    fn look(&mut self) {
+        if self.deviation > 0.0 {
+            let (u, turn): (f64, f64) = (
+                self.random.random_range(f64::MIN_POSITIVE..1.0),
+                self.random.random_range(0.0..std::f64::consts::TAU),
+            );
+            self.noise = self.deviation * (-2.0 * u.ln()).sqrt() * turn.cos();
+        }
+    }
+
+    /// Counts from the origin.
+    fn counts(&self, position: f64) -> i64 {
+        let read = position + self.eccentricity.at(position) + self.noise;
+        (read / self.resolution).round() as i64
+    }
 }
 
 /// A plant in motion.
@@ -36,11 +223,8 @@ fn hanging(chain: &Chain, forces: &[ExternalForce]) -> DVector<f64> {
 pub struct Plant {
     chain: Chain,
     current_limit: f64,
-    resolution: f64,
-    counter_mask: u32,
-    /// Each with the response over one part of a period to 1 N of it.
-    forces: Vec<(ExternalForce, DVector<f64>)>,
-    part: f64,
+    reading: Reading,
+    surroundings: Surroundings,
     motion: Motion,
     /// Whether there is a brake.
     brake: bool,
@@ -53,28 +237,25 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A plant at rest at the origin, its loads where steady forces pull them; amplifier off.
+    /// A plant at rest at the origin, its loads where steady forces pull them, its motor's force, should it come
+    /// late, what has held it there; amplifier off.
     ///
     /// * `period`: of the control, s
     #[must_use]
     pub fn new(file: &PlantFile, period: f64) -> Self {
         let mechanics = Mechanics::new(&file.actuator, &file.loads, &file.friction);
         let chain = mechanics.chain.clone();
-        let part = period / f64::from(PARTS);
-        let a = chain.a();
-        let forces = file.forces.iter().map(|force| {
-            let (_, response) = zero_order_hold(&a, &chain.force_input(force.mass), part);
-            (force.clone(), response)
-        });
-        let hanging = hanging(&chain, &file.forces);
+        let surroundings = Surroundings::new(file, &chain, period / f64::from(PARTS));
+        let hanging = hanging(&chain, &surroundings.gaps, &file.forces);
         let mut motion = Motion::new(&mechanics, period);
         motion.state_mut().copy_from(&hanging);
+        // What has held it there.
+        let steady = file.forces.iter().filter(|force| force.steady());
+        motion.hold(-steady.map(|force| force.newton).sum::<f64>());
         Self {
             current_limit: file.actuator.current_limit,
-            resolution: file.encoder.resolution,
-            counter_mask: u32::MAX >> (32 - file.encoder.counter_bits),
-            forces: forces.collect(),
-            part,
+            reading: Reading::new(file),
+            surroundings,
             motion,
             brake: file.actuator.brake,
             enabled: false,
@@ -111,22 +292,26 @@ impl Plant {
         self.set_state(state + &self.hanging);
     }
 
-    /// Where the encoder really is, counts from the origin.
+    /// What the encoder reads, counts from the origin.
     #[must_use]
     pub fn place(&self) -> i64 {
-        (self.state()[0] / self.resolution).round() as i64
+        self.reading.counts(self.state()[0])
     }
 
     /// Encoder counter as the hardware would show it.
     #[must_use]
     pub fn count(&self) -> u32 {
-        self.place() as u32 & self.counter_mask
+        self.place() as u32 & self.reading.counter_mask
     }
 
     /// Force between actuator and load, positive when the load holds the actuator back, N.
     #[must_use]
     pub fn reaction_force(&self) -> f64 {
-        (self.chain.reaction_force() * self.state()).x
+        let mut force = (self.chain.reaction_force() * self.state()).x;
+        if let Some(gap) = self.surroundings.gaps.first().filter(|gap| gap.inner == 0) {
+            force -= gap.beyond(|element| self.state()[element]);
+        }
+        force
     }
 
     /// One control period under a held current, A. The amplifier keeps its own limit.
@@ -134,34 +319,33 @@ impl Plant {
     /// # Errors
     /// [`Error::Simulation`] when the motion is no longer finite.
     pub fn advance(&mut self, current: f64) -> Result<()> {
+        self.advance_for(current, PARTS)
+    }
+
+    /// Some parts of a control period, each a twentieth: a period that is longer or shorter.
+    ///
+    /// # Errors
+    /// As [`advance`](Self::advance).
+    pub fn advance_for(&mut self, current: f64, parts: u32) -> Result<()> {
         let current = current.clamp(-self.current_limit, self.current_limit);
         let motor = current * self.chain.force_constant;
         let held = self.brake && !self.enabled;
-        let begin = self.parts as f64 * self.part;
-        let end = begin + f64::from(PARTS) * self.part;
-        let acts = |force: &ExternalForce| {
-            force.newton != 0.0 && force.start < end && begin < force.start + force.duration
-        };
+        let (surroundings, passed) = (&self.surroundings, self.parts);
+        let begin = passed as f64 * surroundings.part;
+        let end = begin + f64::from(parts) * surroundings.part;
         let motion = &mut self.motion;
         motion.brake(held);
         let place = motion.state()[0];
-        if held || self.forces.iter().any(|(force, _)| acts(force)) {
-            let (forces, parts, length) = (&self.forces, self.parts, self.part);
-            motion.in_parts(motor, |part, _, state| {
-                let begin = (parts + u64::from(part)) as f64 * length;
-                for (force, response) in forces {
-                    // The mean over the part, so that no force loses its momentum.
-                    let until = (force.start + force.duration).min(begin + length);
-                    let share = (until - force.start.max(begin)) / length;
-                    if share > 0.0 {
-                        state.axpy(share * force.newton, response, 1.0);
-                    }
-                }
+        if held || parts != PARTS || surroundings.act(begin, end) {
+            motion.for_parts(motor, parts, |part, before, state| {
+                let begin = (passed + u64::from(part)) as f64 * surroundings.part;
+                surroundings.add(begin, before, state);
             });
         } else {
             motion.advance(motor);
         }
-        self.parts += u64::from(PARTS);
+        self.parts += u64::from(parts);
+        self.reading.look();
         if held {
             // The brake holds to the last digit.
             let state = self.motion.state_mut();
@@ -334,6 +518,185 @@ mod tests {
         plant.enable(false);
         plant.advance(0.0).unwrap();
         assert_eq!((plant.state()[0], plant.state()[1]), (falling, 0.0));
+    }
+
+    /// An encoder off its axis reads a sine of the position too much.
+    #[test]
+    fn an_eccentric_encoder_reads_a_sine_too_much() {
+        let mut plant = plant(|file| {
+            file.imperfections.eccentricity = Wave {
+                amplitude: 3e-4,
+                pitch: 0.02,
+            };
+        });
+        for position in [0.0, 0.005, 0.0123, -0.005, 0.31] {
+            let mut state = DVector::zeros(8);
+            state[0] = position;
+            plant.set_state(state);
+            let sine = (std::f64::consts::TAU * position / 0.02).sin();
+            let expected = ((position + 3e-4 * sine) / 1e-6).round() as i64;
+            assert_eq!(plant.place(), expected);
+        }
+    }
+
+    /// Noise of 20 counts: that much rms over many periods, none on the average, and each run the same.
+    #[test]
+    fn noise_has_its_deviation_and_repeats() {
+        let noisy = || plant(|file| file.imperfections.noise = 20e-6);
+        let read = |mut plant: Plant| -> Vec<f64> {
+            let read = (0..20_000).map(|_| {
+                plant.advance(0.0).unwrap();
+                plant.place() as f64
+            });
+            read.collect()
+        };
+        let counts = read(noisy());
+        let mean = counts.iter().sum::<f64>() / 20_000.0;
+        let square = counts.iter().map(|count| count.powi(2)).sum::<f64>() / 20_000.0;
+        assert!(mean.abs() < 4.0 * 20.0 / 20_000_f64.sqrt(), "{mean}");
+        // Rounding adds a twelfth.
+        assert!(
+            (square / (400.0 + 1.0 / 12.0) - 1.0).abs() < 0.04,
+            "{square}"
+        );
+        let within = counts.iter().filter(|count| count.abs() < 20.0).count();
+        assert!((within as f64 / 20_000.0 - 0.6827).abs() < 0.02, "{within}");
+        assert_eq!(counts, read(noisy()));
+        assert_eq!(noisy().count(), noisy().count());
+    }
+
+    /// A constant force comes to rest where cogging balances it, `F = A sin(2 pi x / p)`; around its rest the
+    /// actuator swings with `omega^2 = 2 pi A / (p M)`, and energy stays.
+    #[test]
+    fn cogging_balances_a_force() {
+        let cogging = Wave {
+            amplitude: 2.0,
+            pitch: 0.02,
+        };
+        let mut held = plant(|file| {
+            file.imperfections.cogging = cogging;
+            file.friction.viscous = 3.0;
+        });
+        for _ in 0..20_000 {
+            held.advance(1.0 / 6.43).unwrap();
+        }
+        let expected = 0.02 / std::f64::consts::TAU * 0.5_f64.asin();
+        let found = held.state()[0];
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+
+        let mut free = plant(|file| {
+            file.imperfections.cogging = cogging;
+            file.loads.truncate(1);
+            file.loads[0].mass = 1e-9;
+            file.loads[0].stiffness = 1e-3;
+            file.loads[0].damping = 1e-9;
+        });
+        free.set_state(DVector::from_row_slice(&[1e-5, 0.0, 1e-5, 0.0]));
+        let omega = (std::f64::consts::TAU * 2.0 / (0.02 * 0.059)).sqrt();
+        for period in 1..=500 {
+            free.advance(0.0).unwrap();
+            let expected = 1e-5 * (omega * f64::from(period) * 1e-3).cos();
+            let far = (free.state()[0] - expected).abs();
+            assert!(far < 2e-8, "{period}: {far}");
+        }
+    }
+
+    /// With a gap the load stands until the actuator has crossed half of it, however fast; then it is taken
+    /// along, and momentum is what the motor gave.
+    #[test]
+    fn a_gap_carries_nothing() {
+        let gapped = || {
+            plant(|file| {
+                file.imperfections.backlash = vec![2e-3];
+                file.loads.truncate(1);
+                file.loads[0].stiffness = 2e4;
+                file.loads[0].damping = 2.0;
+            })
+        };
+        let mut pushed = gapped();
+        let mut period = 0;
+        while pushed.state()[0] < 0.99e-3 {
+            assert!(pushed.state()[2].abs() < 1e-8, "{}", pushed.state());
+            assert!(pushed.reaction_force().abs() < 1e-12);
+            pushed.advance(0.1).unwrap();
+            period += 1;
+            let expected = 0.5 * 0.643 / 0.059 * (f64::from(period) * 1e-3).powi(2);
+            if expected < 0.99e-3 {
+                let far = pushed.state()[0] / expected - 1.0;
+                assert!(far.abs() < 1e-4, "{period}: {far}");
+            }
+        }
+        for _ in period..200 {
+            pushed.advance(0.1).unwrap();
+        }
+        let momentum = centre_of_mass(&pushed, 1) * 0.078;
+        assert!((momentum / (0.643 * 0.2) - 1.0).abs() < 1e-9, "{momentum}");
+        assert!(pushed.state()[2] > 5e-3);
+
+        // Pressed against a load that is held, the spring carries the motor's force beyond half the gap.
+        let mut pressed = plant(|file| {
+            file.imperfections.backlash = vec![2e-3];
+            file.loads.truncate(1);
+            file.loads[0].damping = 3.0;
+            file.loads[0].coulomb = 1e3;
+        });
+        for _ in 0..2000 {
+            pressed.advance(0.1).unwrap();
+        }
+        let expected = 1e-3 + 0.643 / 300.0;
+        assert!((pressed.state()[0] / expected - 1.0).abs() < 1e-6);
+        assert!((pressed.reaction_force() - 0.643).abs() < 1e-6);
+    }
+
+    /// A load that hangs hangs lower by half the gap.
+    #[test]
+    fn a_gap_hangs_open() {
+        let weight = ExternalForce {
+            mass: 1,
+            start: 0.0,
+            duration: 100.0,
+            newton: -0.3,
+        };
+        let mut plant = plant(|file| {
+            file.actuator.brake = true;
+            file.imperfections.backlash = vec![0.5e-3];
+            file.forces.push(weight);
+        });
+        let before = plant.state().clone();
+        assert!((before[2] + 0.3 / 300.0 + 0.25e-3).abs() < 1e-12);
+        for _ in 0..200 {
+            plant.advance(0.0).unwrap();
+        }
+        assert!((plant.state() - before).amax() < 1e-9);
+    }
+
+    /// A braked plant remembers what its motor is told: delay and lag go on while the actuator is held.
+    #[test]
+    fn a_brake_does_not_stop_a_late_force() {
+        let mut plant = plant(|file| {
+            file.actuator.brake = true;
+            file.actuator.delay = 2.4e-3;
+            file.actuator.lag = 1e-3;
+        });
+        for _ in 0..50 {
+            plant.advance(0.2).unwrap();
+        }
+        assert_eq!(plant.state()[0], 0.0);
+        plant.enable(true);
+        plant.advance(0.2).unwrap();
+        let momentum = centre_of_mass(&plant, 1) * 0.116;
+        assert!((momentum / (0.2 * 6.43 * 1e-3) - 1.0).abs() < 1e-9);
+    }
+
+    /// A gap of 27 parts of a period under one current is as long as it is.
+    #[test]
+    fn parts_of_a_period_add_up() {
+        let mut plant = plant(|_| {});
+        plant.advance_for(0.5, 27).unwrap();
+        plant.advance(0.5).unwrap();
+        plant.advance_for(0.5, 13).unwrap();
+        let expected = 0.5 * 6.43 / 0.116 * 3e-3;
+        assert!((centre_of_mass(&plant, 1) / expected - 1.0).abs() < 1e-12);
     }
 
     #[test]
