@@ -94,6 +94,8 @@ const LEAST_FIT: f64 = 50.0;
 /// Relative standard deviation from which a quantity counts as not known. Masses and stiffnesses: three of
 /// it are the 30 % that a design is compared over; dampings: three of it reach down to none.
 const UNKNOWN: (f64, f64) = (0.1, 1.0 / 3.0);
+/// Rows of each record that the search sees before it is sure of the structure.
+const SHORT: usize = 3000;
 /// How many figures of the whole must be known for anything to be designed: its acceleration, and the first
 /// mode.
 const FIRST: usize = 2;
@@ -169,9 +171,10 @@ impl<'a> Found<'a> {
         };
         let starts = starts(parameters, force, &response, period);
         let residuals = Residuals::new(force, period, parameters);
-        let ends = search(logs, parameters, &residuals, &starts, progress)?;
+        let short: Vec<Log> = logs.iter().map(|log| log.beginning(SHORT)).collect();
+        let ends = search(&short, parameters, &residuals, &starts, progress)?;
         progress(2, 4, "what else there is");
-        let structure = extended(logs, force, parameters, ends);
+        let structure = extended(&short, force, parameters, ends);
         progress(3, 4, "until nothing moves");
         let residuals = Residuals::new(force, period, &structure.parameters);
         let estimate = settle(logs, &structure.parameters, &residuals, structure.ends)?;

@@ -3,6 +3,7 @@
 //! ```text
 //! A, B --zoh--> F, G --dare--> X --+--> dlqr (regulator gain)      eigen, margins: what came of it
 //!                                  +--> dlqe (Kalman gain)         place: poles instead of weights
+//! A, x --product--> A x
 //! ```
 //!
 //! Nothing here knows a drive, a file or a unit. What cannot be solved is a
@@ -14,6 +15,7 @@ pub mod dlqr;
 pub mod eigen;
 pub mod margins;
 pub mod place;
+pub mod product;
 pub mod zoh;
 
 use crate::error::NoSolution;

@@ -36,6 +36,9 @@ const FOLLOWED: (usize, f64) = (3, 4.0);
 pub(super) const SAME: f64 = 0.02;
 /// Tolerances of the fits: that tell starts apart, that rank them, to the whole record.
 const TOLERANCE: [f64; 3] = [3e-2, 1e-3, 1e-6];
+/// Evaluations per coordinate after which these are given up: what is not found by then is followed on or
+/// left.
+const PATIENCE: usize = 2;
 
 /// The innovations of a log in counts, over the coordinates of the search.
 pub(super) struct Residuals<'a> {
@@ -182,7 +185,7 @@ pub(super) fn search(
             .map(|log| Gain::new(log, &machine, residuals.held, residuals.force))
             .collect::<Option<_>>()?;
         let first = |x: &[f64]| Some(residuals.held(&beginning, &gains, x));
-        Some(fit(&first, x, tolerance))
+        Some(fit(&first, x, tolerance, PATIENCE))
     };
     progress(0, 4, "starts");
     let fits = starts
@@ -217,5 +220,5 @@ pub(super) fn search(
 
 /// A fit to whole records, the noise free.
 pub(super) fn closely(logs: &[Log], residuals: &Residuals<'_>, x: &[f64]) -> Fit {
-    fit(&|x: &[f64]| Some(residuals.of(logs, x)), x, TOLERANCE[2])
+    fit(&|x: &[f64]| Some(residuals.of(logs, x)), x, TOLERANCE[2], PATIENCE)
 }

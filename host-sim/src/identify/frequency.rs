@@ -140,6 +140,8 @@ pub fn model_response(chain: &Chain, omega: f64, period: f64) -> C {
 /// Starts of this search: the drive file, and others drawn around it as it is trusted, always the same.
 const TRIES: usize = 48;
 const SEED: u64 = 1;
+/// Evaluations per coordinate after which one is given up.
+const PATIENCE: usize = 30;
 /// Machines that are handed on.
 const STARTS: usize = 3;
 /// How far the drive file is trusted here, as standard deviations of logarithms (masses, stiffnesses,
@@ -196,7 +198,7 @@ pub(super) fn starts(parameters: &Parameters, points: &[Point], period: f64) -> 
                 .zip(&nominal)
                 .map(|(quantity, x)| drawn(quantity, *x))
                 .collect();
-            fit(&residuals, &start, 1e-4)
+            fit(&residuals, &start, 1e-4, PATIENCE)
         })
         .filter(|fit| fit.cost.is_finite())
         .collect();

@@ -12,9 +12,6 @@ use rayon::prelude::*;
 /// Width of the differences, in coordinates that are logarithms or of the order of one.
 const WIDTH: f64 = 1e-4;
 
-/// Evaluations of the residuals, per coordinate, after which a fit is given up.
-const PATIENCE: usize = 30;
-
 /// Where a fit ended.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
@@ -91,7 +88,8 @@ where
 /// The coordinates of least residuals near a start.
 ///
 /// * `residuals`: none where they cannot be computed
-pub(super) fn fit<F>(residuals: &F, start: &[f64], tolerance: f64) -> Fit
+/// * `patience`: evaluations of the residuals, per coordinate, after which it is given up
+pub(super) fn fit<F>(residuals: &F, start: &[f64], tolerance: f64, patience: usize) -> Fit
 where
     F: Fn(&[f64]) -> Option<Vec<f64>> + Sync,
 {
@@ -100,7 +98,7 @@ where
         residuals,
     };
     let solver = LevenbergMarquardt::new()
-        .with_patience(PATIENCE)
+        .with_patience(patience)
         .with_ftol(tolerance)
         .with_xtol(tolerance)
         .with_gtol(1e-12);
@@ -130,7 +128,7 @@ mod tests {
                     .collect(),
             )
         };
-        let found = fit(&residuals, &[0.0, -1.0], 1e-12);
+        let found = fit(&residuals, &[0.0, -1.0], 1e-12, 30);
         assert!((found.coordinates[0] - 2.0_f64.ln()).abs() < 1e-8);
         assert!((found.coordinates[1] - 0.1_f64.ln()).abs() < 1e-8);
         assert!(found.cost < 1e-15);

@@ -12,6 +12,8 @@ use rayon::prelude::*;
 
 /// Tolerance of the fits from where one ended.
 const TOLERANCE: f64 = 1e-10;
+/// Evaluations per coordinate after which one is given up.
+const PATIENCE: usize = 10;
 /// How far the last fit may move, in standard deviations, and how often one is tried.
 const STILL: (f64, usize) = (0.05, 8);
 /// How far a start beside the result is put along what is known least: standard deviations, but in
@@ -75,7 +77,7 @@ pub(super) fn settle(
         let before = best.clone();
         let mut still = false;
         for _ in 0..STILL.1 {
-            let again = fit(&all, &best.coordinates, TOLERANCE);
+            let again = fit(&all, &best.coordinates, TOLERANCE, PATIENCE);
             let spread = white(&slopes, best.cost).ok_or_else(failed)?;
             let moved = |i: usize| {
                 (again.coordinates[i] - best.coordinates[i]).abs() / spread[(i, i)].sqrt()

@@ -20,6 +20,7 @@
 
 use super::friction::DryFriction;
 use super::mechanics::Mechanics;
+use crate::linear::product::{add, product};
 use crate::linear::zoh::zero_order_hold;
 use nalgebra::{DMatrix, DVector};
 use std::collections::VecDeque;
@@ -293,7 +294,7 @@ impl Motion {
                 Some(commands)
             }
         };
-        self.next.gemv(1.0, &self.transition, &self.state, 0.0);
+        product(&self.transition, &self.state, &mut self.next);
         if let (Some(late), Some(commands)) = (&self.late, commands) {
             late.add(commands, &self.frictions[0].response, &mut self.next);
         }
@@ -304,7 +305,7 @@ impl Motion {
                 None if number == 0 => force - friction,
                 _ => -friction,
             };
-            self.next.axpy(newton, &rubbing.response, 1.0);
+            add(newton, &rubbing.response, &mut self.next);
         }
         let slide = |rubbing: &Rubbing| {
             let velocity = rubbing.velocity;
@@ -350,8 +351,8 @@ impl Motion {
         }
         for part in 0..parts {
             let motor = self.late.as_mut().map_or(force, Late::part);
-            self.next.gemv(1.0, &self.part_transition, &self.state, 0.0);
-            self.next.axpy(motor, &self.frictions[0].part_response, 1.0);
+            product(&self.part_transition, &self.state, &mut self.next);
+            add(motor, &self.frictions[0].part_response, &mut self.next);
             external(part, &self.state, &mut self.next);
             self.rub();
             std::mem::swap(&mut self.state, &mut self.next);
@@ -383,7 +384,7 @@ impl Motion {
                 let without = self.next[rubbing.velocity] - rubbing.newton * per_newton;
                 let newton = friction(&dry, per_newton, before, without);
                 let more = newton - rubbing.newton;
-                self.next.axpy(more, &rubbing.part_response, 1.0);
+                add(more, &rubbing.part_response, &mut self.next);
                 rubbing.newton = newton;
                 change = change.max(more.abs());
                 largest = largest.max(newton.abs());
