@@ -27,7 +27,7 @@ use crate::error::{Error, Result};
 use crate::linear::dlqr;
 use crate::linear::eigen::{eigenvalues, spectral_radius};
 use crate::linear::zoh::zero_order_hold;
-use crate::machine::chain_of;
+use crate::machine::{Mechanics, chain_of};
 use arso_core::Settings;
 use arso_core::actuator::Actuator;
 use arso_core::encoder::Encoder;
@@ -141,6 +141,19 @@ impl Design {
     #[must_use]
     pub fn modes(&self) -> Vec<Mode> {
         self.chain.modes()
+    }
+
+    /// `ad`, `bd` of a chain in the place of the design's own, with what makes the force of the drive come late:
+    /// its memory stands behind the states of the chain.
+    #[must_use]
+    pub fn sampled(&self, chain: &Chain) -> (DMatrix<f64>, DVector<f64>) {
+        let actuator = &self.drive.actuator;
+        let mechanics = Mechanics {
+            delay: actuator.delay,
+            lag: actuator.lag,
+            ..Mechanics::of_chain(chain, 0.0)
+        };
+        mechanics.sampled(self.drive.control.sample_time)
     }
 
     /// Poles of the sampled full-state loop, `eig(ad − bd K)`.

@@ -13,6 +13,7 @@ mod force;
 mod friction;
 mod imperfections;
 mod kind;
+mod late;
 mod load;
 mod mechanics;
 pub mod motion;

@@ -156,7 +156,8 @@ fn current_step(design: &Design) -> Check {
 }
 
 /// Transition of the loop closed around actuator and encoder alone: position and filtered velocity of
-/// the actuator times a gain each. States: the chain, the actuator's position one sample ago, the
+/// the actuator times a gain each. States: the chain (and what
+/// its force remembers where it comes late), the actuator's position one sample ago, the
 /// filtered velocity then.
 ///
 /// * `position`, `velocity`: gains, A/m and A s/m
@@ -165,16 +166,17 @@ pub fn collocated_loop(design: &Design, position: f64, velocity: f64) -> DMatrix
     let control = &design.drive.control;
     let period = control.sample_time;
     let pole = Lag::new(control.disturbance_cutoff, period).pole();
-    let n = design.bd.len();
+    let (ad, bd) = design.sampled(&design.chain);
+    let n = bd.len();
     let slope = (1.0 - pole) / period;
     let mut gain = RowDVector::zeros(n + 2);
     gain[0] = -position - velocity * slope;
     gain[n] = velocity * slope;
     gain[n + 1] = -velocity * pole;
     let mut closed = DMatrix::zeros(n + 2, n + 2);
-    closed.view_mut((0, 0), (n, n)).copy_from(&design.ad);
+    closed.view_mut((0, 0), (n, n)).copy_from(&ad);
     let mut input = DVector::zeros(n + 2);
-    input.rows_mut(0, n).copy_from(&design.bd);
+    input.rows_mut(0, n).copy_from(&bd);
     closed += input * gain;
     closed[(n, 0)] = 1.0;
     closed[(n + 1, 0)] = slope;

@@ -3,7 +3,7 @@
 //! The sampled loop from the command through plant, encoder, force observers, state observer and
 //! regulator back to the command, evaluated at `z = e^{jωT}`. The observers are fed with the
 //! command that the drive gives, as in the drive; what is varied is the current that flows in
-//! answer to it.
+//! answer to it. The delay and the lag that the drive file states are in the loop.
 
 use super::Design;
 use super::drive_loop::{Compensation, DriveLoop};
@@ -80,7 +80,9 @@ enum Look {
 /// As [`of_drive`].
 pub fn of_full_state(design: &Design) -> Result<Margins> {
     let gain = design.regulator.map(C::from);
-    of(design, Look::Close, |_, plant| Some(-(&gain * plant).x))
+    of(design, Look::Close, |_, plant| {
+        Some(-(&gain * plant.rows(0, gain.len())).x)
+    })
 }
 
 /// `command`: command in answer to the plant's state, so that `L = −command`.
@@ -90,7 +92,8 @@ fn of(
     command: impl Fn(C, &DVector<C>) -> Option<C>,
 ) -> Result<Margins> {
     let period = design.drive.control.sample_time;
-    let (ad, bd) = (design.ad.map(C::from), design.bd.map(C::from));
+    let (ad, bd) = design.sampled(&design.chain);
+    let (ad, bd) = (ad.map(C::from), bd.map(C::from));
     let response = |omega: f64| -> Option<C> {
         let z = C::from_polar(1.0, omega * period);
         let matrix = DMatrix::identity(bd.len(), bd.len()) * z - &ad;
@@ -178,34 +181,95 @@ mod tests {
         assert!(above[1] > 0.95 * above[0] && above[1] > 1e-3, "{above:?}");
     }
 
-    /// The same of a drive at rest, whose compensation is held: a push on it decays or grows.
-    #[test]
-    fn the_simulated_drive_at_rest_agrees_with_its_gain_margin() {
-        // Nothing but the push moves it.
+    /// A drive that nothing but a push moves, with a delay and a lag that it knows.
+    fn finely_sampled((delay, lag): (f64, f64)) -> Design {
         let mut drive = Drive::default_drive();
         drive.encoder.resolution = 1e-8;
         drive.encoder.counter_bits = 32;
         drive.actuator.current_resolution = 0.0;
-        let design = Design::new(&drive).unwrap();
-        let [follows, held] = [Compensation::Follows, Compensation::Held].map(|compensation| {
-            let margins = of_drive(&design, compensation).unwrap();
-            margins.gain_margin_db.unwrap()
+        (drive.actuator.delay, drive.actuator.lag) = (delay, lag);
+        Design::new(&drive).unwrap()
+    }
+
+    /// Motion of a drive at rest that was pushed, soon after and later.
+    fn swing(design: &Design, change: impl FnOnce(&mut PlantFile)) -> [f64; 2] {
+        let mut plant = PlantFile::from(&design.drive);
+        change(&mut plant);
+        plant.forces.push(ExternalForce {
+            mass: 0,
+            start: 1.6,
+            duration: 2e-3,
+            newton: 0.05,
         });
-        assert!(held < follows, "{held} {follows}");
-        let swing = |factor: f64| {
-            let mut plant = PlantFile::from(&design.drive);
-            plant.actuator.force_constant *= factor * 10_f64.powf(held / 20.0);
-            plant.forces.push(ExternalForce {
-                mass: 0,
-                start: 1.6,
-                duration: 2e-3,
-                newton: 0.05,
+        let scenario = Scenario::named("fig4").unwrap();
+        let run = simulate(design, &plant, scenario, Law::Core, 2.2).unwrap();
+        [1610..1800, 1800..2200].map(|part| peak_to_peak(&run.samples[part], 0))
+    }
+
+    /// The same of a drive at rest, whose compensation is held: a push on it decays or grows. With delay and lag
+    /// as well.
+    #[test]
+    fn the_simulated_drive_at_rest_agrees_with_its_gain_margin() {
+        for late in [(0.0, 0.0), (0.6e-3, 0.4e-3)] {
+            let design = finely_sampled(late);
+            let [follows, held] = [Compensation::Follows, Compensation::Held].map(|compensation| {
+                let margins = of_drive(&design, compensation).unwrap();
+                margins.gain_margin_db.unwrap()
             });
-            let scenario = Scenario::named("fig4").unwrap();
-            let run = simulate(&design, &plant, scenario, Law::Core, 2.2).unwrap();
-            [1610..1800, 1800..2200].map(|part| peak_to_peak(&run.samples[part], 0))
-        };
-        let (below, above) = (swing(0.95), swing(1.05));
+            assert!(held < follows, "{held} {follows}");
+            let [below, above] = [0.95, 1.05].map(|factor| {
+                let factor = factor * 10_f64.powf(held / 20.0);
+                swing(&design, |plant| plant.actuator.force_constant *= factor)
+            });
+            println!("{late:?} {held} {below:?} {above:?}");
+            assert!(below[1] < 0.7 * below[0], "{below:?}");
+            assert!(above[1] > 1.3 * above[0], "{above:?}");
+        }
+    }
+
+    /// Delay and lag that the drive file states are in the loop: of whole periods of delay the margin has that much
+    /// less, of a part of one nearly so, and the loop's poles leave the circle where no margin is left.
+    #[test]
+    fn a_stated_delay_is_taken_from_the_margin() {
+        for lag in [0.0, 0.3e-3] {
+            let late = |delay: f64| {
+                let mut design = design();
+                (design.drive.actuator.delay, design.drive.actuator.lag) = (delay, lag);
+                design
+            };
+            for compensation in [Compensation::Follows, Compensation::Held] {
+                let margin = |delay| of_drive(&late(delay), compensation).unwrap();
+                let delays = [0.0, 1e-3, 0.4e-3].map(|delay| margin(delay).delay_margin.unwrap());
+                println!("{lag} {compensation:?} {delays:?}");
+                assert!((delays[0] - delays[1] - 1e-3).abs() < 1e-5, "{delays:?}");
+                assert!((delays[0] - delays[2] - 0.4e-3).abs() < 3e-5, "{delays:?}");
+                for (share, stable) in [(0.97, true), (1.03, false)] {
+                    let design = late(share * delays[0]);
+                    let (ad, bd) = design.sampled(&design.chain);
+                    let closed = DriveLoop::new(&design, compensation).closed(&ad, &bd);
+                    let radius = spectral_radius(&closed).unwrap();
+                    assert_eq!(radius < 1.0, stable, "{lag} {share}: {radius}");
+                }
+            }
+        }
+    }
+
+    /// The simulated drive at rest with more force, which leaves it no more delay than commissioning bears with so fine
+    /// an encoder, and with a delay: below the margin a push on it decays, above it grows.
+    #[test]
+    fn the_simulated_drive_at_rest_agrees_with_its_delay_margin() {
+        const STRONGER: f64 = 1.7;
+        let (design, mut stronger) = (finely_sampled((0.0, 0.0)), finely_sampled((0.0, 0.0)));
+        stronger.chain.force_constant *= STRONGER;
+        let margin = of_drive(&stronger, Compensation::Held).unwrap();
+        let margin = margin.delay_margin.unwrap();
+        println!("{margin}");
+        let [below, above] = [0.8, 1.2].map(|share| {
+            swing(&design, |plant| {
+                plant.actuator.force_constant *= STRONGER;
+                plant.actuator.delay = share * margin;
+            })
+        });
         println!("{below:?} {above:?}");
         assert!(below[1] < 0.7 * below[0], "{below:?}");
         assert!(above[1] > 1.3 * above[0], "{above:?}");

@@ -1,8 +1,10 @@
 //! All that moves, as numbers: what [`Motion`](super::Motion) simulates.
 
 use super::friction::DryFriction;
+use super::late;
 use super::{Actuator, Friction, Load, chain_of};
 use crate::chain::Chain;
+use nalgebra::{DMatrix, DVector};
 
 /// A chain, its dry friction, and how late its force comes.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +30,16 @@ impl Mechanics {
             delay: actuator.delay,
             lag: actuator.lag,
         }
+    }
+
+    /// Transition over one control period and input per A, the current held, without dry friction: states of the
+    /// chain, then, where the force comes late, the force and the commands of the periods before, the last one
+    /// first, all in A.
+    ///
+    /// * `period`: s
+    #[must_use]
+    pub fn sampled(&self, period: f64) -> (DMatrix<f64>, DVector<f64>) {
+        late::sampled(self, period)
     }
 
     /// A chain with Coulomb friction on the actuator, whose force comes at once.

@@ -14,8 +14,9 @@ use crate::linear::margins::Margins;
 /// [`Error::Design`](crate::error::Error::Design) when the eigenvalue iteration does not converge.
 pub(in crate::design) fn closed_loop(design: &Design) -> Result<Check> {
     let mut value = 0.0_f64;
+    let (ad, bd) = design.sampled(&design.chain);
     for compensation in [Compensation::Follows, Compensation::Held] {
-        let closed = DriveLoop::new(design, compensation).closed(&design.ad, &design.bd);
+        let closed = DriveLoop::new(design, compensation).closed(&ad, &bd);
         value = value.max(spectral_radius(&closed)?);
     }
     // Of eq. (17) alone the rigid motion stays in the estimate, a double one that rounding splits.

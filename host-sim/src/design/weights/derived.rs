@@ -27,7 +27,6 @@ use crate::design::drive_loop::{Compensation, DriveLoop};
 use crate::drive::{Drive, ObserverSettings, Weights};
 use crate::error::{Error, Result};
 use crate::linear::eigen::spectral_radius;
-use crate::linear::zoh::zero_order_hold;
 use crate::machine::chain_of;
 use rayon::prelude::*;
 
@@ -144,7 +143,7 @@ fn lasts_elsewhere(design: &Design, omega: f64) -> Result<bool> {
         for factor in [1.0 - by, 1.0 + by] {
             let mut chain = design.chain.clone();
             change(&mut chain, factor);
-            let (ad, bd) = zero_order_hold(&chain.a(), &chain.b(), period);
+            let (ad, bd) = design.sampled(&chain);
             if spectral_radius(&drive_loop.closed(&ad, &bd))? >= slowest {
                 return Ok(false);
             }
