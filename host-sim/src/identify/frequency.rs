@@ -9,7 +9,7 @@
 //! What the actuator feels of the chain is a continued fraction, from the last mass inwards:
 //!
 //! ```text
-//! Z_n = −ω² m_n      Z_{i−1} = −ω² m_{i−1} + 1 / (1 / (k_i + jω c_i) + 1 / Z_i)
+//! Z_n = −ω² m_n + jω b_n      Z_{i−1} = −ω² m_{i−1} + jω b_{i−1} + 1 / (1 / (k_i + jω c_i) + 1 / Z_i)
 //! x_a / i = k_f / (Z_0 + jω b)
 //! ```
 
@@ -119,13 +119,14 @@ pub fn response(log: &Log) -> Vec<Point> {
 #[must_use]
 pub fn model_response(chain: &Chain, omega: f64, period: f64) -> C {
     let s = C::new(0.0, omega);
-    let masses = chain.mass.iter().rev();
+    let ground = chain.ground.iter().rev().copied().chain(std::iter::repeat(0.0));
+    let masses = chain.mass.iter().rev().zip(ground);
     let springs = chain.stiffness.iter().zip(&chain.damping).rev();
     let mut force = C::from(0.0);
     // Outermost mass first, each followed by the spring that holds it.
     let mut springs = springs.map(Some).chain([None]);
-    for mass in masses {
-        force += s * s * *mass;
+    for (mass, ground) in masses {
+        force += s * s * *mass + s * ground;
         if let Some(Some((stiffness, damping))) = springs.next() {
             let spring = C::from(*stiffness) + s * *damping;
             force = spring * force / (spring + force);
@@ -224,6 +225,7 @@ mod tests {
     fn the_continued_fraction_is_the_state_space_model() {
         let chain = Chain {
             viscous: 0.3,
+            ground: vec![0.0, 0.2, 0.1],
             ..Chain::of_table_1(300.0, 0.1)
         };
         for omega in [3.0, 75.0, 163.0, 400.0] {
