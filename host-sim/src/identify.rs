@@ -16,6 +16,7 @@ mod figures;
 mod frequency;
 mod least_squares;
 mod log;
+mod neighbours;
 mod parameters;
 mod predict;
 mod settle;
@@ -26,10 +27,11 @@ pub use drive_file::drive_file;
 pub use figures::{Figure, Unit};
 pub use frequency::{Point, model_response, response};
 pub use log::{Columns, Log};
-pub use parameters::{Experiment, Machine, Parameters, Quantity};
+pub use parameters::{Experiment, Machine, Parameters, Quantity, Ripple, RippleKind};
 
 use crate::drive::Drive;
 use crate::error::{Error, Result};
+use crate::machine::Units;
 use crate::output::{Progress, significant};
 use confidence::{Covariance, correlation, rivals};
 use estimate::{Residuals, search};
@@ -37,7 +39,7 @@ use nalgebra::DVector;
 use predict::simulation;
 use settle::{Estimate, settle};
 use starts::starts;
-use structure::extended;
+use structure::{Structure, extended};
 
 /// One quantity, identified or held.
 #[derive(Clone, Debug)]
@@ -96,6 +98,9 @@ const LEAST_FIT: f64 = 50.0;
 const UNKNOWN: (f64, f64) = (0.1, 1.0 / 3.0);
 /// Rows of each record that the search sees before it is sure of the structure.
 const SHORT: usize = 3000;
+/// Correlation of innovations within some samples up to which they count as white.
+const WHITE: f64 = 0.15;
+const NEAR: usize = 10;
 /// How many figures of the whole must be known for anything to be designed: its acceleration, and the first
 /// mode.
 const FIRST: usize = 2;
@@ -119,7 +124,11 @@ pub fn identify(
     progress: &Progress<'_>,
 ) -> Result<Identification> {
     let found = Found::new(drive, logs, parameters, progress)?;
-    let message = match found.judge() {
+    let judged = found.judge().and_then(|identification| {
+        found.require_loads(&identification)?;
+        Ok(identification)
+    });
+    let message = match judged {
         Err(Error::Identification(message)) => message,
         judged => return judged,
     };
@@ -169,12 +178,29 @@ impl<'a> Found<'a> {
                 .unwrap_or_default(),
             _ => Vec::new(),
         };
-        let starts = starts(parameters, force, &response, period);
-        let residuals = Residuals::new(force, period, parameters);
         let short: Vec<Log> = logs.iter().map(|log| log.beginning(SHORT)).collect();
-        let ends = search(&short, parameters, &residuals, &starts, progress)?;
+        let search = |parameters: &Parameters, beside: &Machine, found: Option<Machine>| {
+            let mut starts = starts(parameters, beside, force, &response, period);
+            starts.extend(found);
+            let residuals = Residuals::new(force, period, parameters);
+            search(&short, parameters, &residuals, &starts, progress)
+        };
+        let mut structure = Structure {
+            ends: search(parameters, parameters.start(), None)?,
+            parameters: parameters.clone(),
+            added: Vec::new(),
+        };
         progress(2, 4, "what else there is");
-        let structure = extended(&short, force, parameters, ends);
+        // What is taken in moves everything else: the search begins again.
+        while let Some(more) = extended(&short, force, &structure) {
+            structure = more;
+            let Some(end) = structure.ends.first() else {
+                break;
+            };
+            let count = structure.parameters.free().count();
+            let found = structure.parameters.machine(&end.coordinates[..count]);
+            structure.ends = search(&structure.parameters, &found, Some(found.clone()))?;
+        }
         progress(3, 4, "until nothing moves");
         let residuals = Residuals::new(force, period, &structure.parameters);
         let estimate = settle(logs, &structure.parameters, &residuals, structure.ends)?;
@@ -188,6 +214,41 @@ impl<'a> Found<'a> {
         })
     }
 
+    /// Refuses a number of loads that explains the records worse than its neighbour does.
+    fn require_loads(&self, identification: &Identification) -> Result<()> {
+        let coloured = identification
+            .correlation
+            .iter()
+            .skip(1)
+            .take(NEAR)
+            .any(|correlation| correlation.abs() > WHITE);
+        if self.parameters.experiment() != Experiment::Excitation || !coloured {
+            return Ok(());
+        }
+        let force = self.drive.actuator.largest_force();
+        let estimate = &self.estimate;
+        let noise = &estimate.coordinates[self.parameters.free().count()..];
+        let more = neighbours::one_more(
+            self.logs,
+            force,
+            &self.parameters,
+            (&estimate.machine, noise),
+            estimate.cost,
+        );
+        let Some(left) = more else {
+            return Ok(());
+        };
+        let loads = self.drive.loads.len();
+        Err(Error::Identification(format!(
+            "a machine with {} loads predicts the record better, with errors of {} counts instead of {}: \
+             give the drive file {} [[load]] tables",
+            loads + 1,
+            significant(left.sqrt() * identification.error_rms, 2),
+            significant(identification.error_rms, 2),
+            loads + 1,
+        )))
+    }
+
     /// What should be said beside the figures.
     fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
@@ -197,11 +258,19 @@ impl<'a> Found<'a> {
                 _ => format!("{}: {remark}", log.name),
             }));
         }
-        remarks.extend(self.added.iter().map(|quantity| {
-            format!(
-                "the records need {}, which the drive file does not have: identified with the others",
+        let (machine, units) = (&self.estimate.machine, self.drive.kind.units());
+        remarks.extend(self.added.iter().map(|quantity| match *quantity {
+            Quantity::Backlash(load) => format!(
+                "the spring before load {} has a gap of {} {}: its stiffness is that outside of the gap",
+                load + 1,
+                significant(1e6 * machine.backlash[load], 3),
+                units.micro_position,
+            ),
+            Quantity::Ripple(_) => ripple(machine, units),
+            _ => format!(
+                "the record needs {}, which the drive file does not have: identified with the others",
                 quantity.name()
-            )
+            ),
         }));
         remarks
     }
@@ -232,6 +301,7 @@ impl<'a> Found<'a> {
         let quantities: Vec<Identified> = parameters
             .all
             .iter()
+            .filter(|(quantity, _)| quantity.of_a_drive())
             .map(|(quantity, held)| {
                 let index = free_quantities.iter().position(|free| free == quantity);
                 let deviation = index.map_or(0.0, |i| {
@@ -285,6 +355,29 @@ impl<'a> Found<'a> {
                  {LEAST_FIT} % at least are needed: is the log of this drive, and of this `experiment`?"
             )));
         }
+        let mut remarks = self.remarks();
+        let noise = &estimate.coordinates[parameters.free().count()..];
+        if quantities.iter().any(|quantity| !quantity.known) {
+            let as_well = neighbours::one_less(
+                logs,
+                force,
+                parameters,
+                (&machine, noise),
+                estimate.cost,
+            );
+            remarks.push(format!(
+                "not all of its parts are known from this record, but what is given of the whole is{}",
+                if as_well {
+                    format!(
+                        "; a machine with {} loads explains the record as well",
+                        self.drive.loads.len() - 1
+                    )
+                } else {
+                    String::new()
+                }
+            ));
+        }
+        remarks.extend(common_factor(&quantities));
         let periods: usize = logs.iter().map(|log| log.current.len()).sum();
         let innovations = &estimate.errors[..periods];
         let square: f64 = innovations.iter().map(|error| error * error).sum();
@@ -294,7 +387,7 @@ impl<'a> Found<'a> {
             machine,
             fit_percent,
             error_rms: (square / periods as f64).sqrt(),
-            remarks: self.remarks(),
+            remarks,
             fitted,
             left_out: logs.iter().map(|log| log.left_out).sum(),
             correlation: (0..=memory)
@@ -303,6 +396,75 @@ impl<'a> Found<'a> {
             innovations: innovations.iter().map(|e| e * resolution).collect(),
             response: self.response.clone(),
         })
+    }
+}
+
+/// Factors that are a mistake of units, and which.
+const MISTAKES: [(f64, &str); 6] = [
+    (std::f64::consts::TAU, "turns for radians"),
+    (57.296, "degrees for radians"),
+    (4.0, "lines for counts after x4 decoding"),
+    (10.0, "a factor of ten"),
+    (1000.0, "millimetres for metres"),
+    (9.81, "kilograms for newtons"),
+];
+
+/// One factor by which all masses and springs are off, in words.
+fn common_factor(quantities: &[Identified]) -> Option<String> {
+    let ratios: Vec<f64> = quantities
+        .iter()
+        .filter(|q| q.known && !q.held)
+        .filter(|q| {
+            matches!(
+                q.quantity,
+                Quantity::ActuatorMass | Quantity::Mass(_) | Quantity::Stiffness(_)
+            )
+        })
+        .map(|q| (q.value / q.before).ln())
+        .collect();
+    let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+    let alike = ratios.len() >= 3 && ratios.iter().all(|ratio| (ratio - mean).abs() < ALIKE);
+    if !alike || mean.abs() < FACTOR.ln() {
+        return None;
+    }
+    let factor = mean.exp();
+    let likely = MISTAKES
+        .iter()
+        .find(|(mistake, _)| (mean.abs() - mistake.ln()).abs() < 0.5 * ALIKE)
+        .map_or_else(String::new, |(_, what)| format!(" ({what}?)"));
+    Some(format!(
+        "all masses and springs are about {} times those of the drive file: look at encoder.resolution and \
+         actuator.force_constant{likely}",
+        significant(factor, 3)
+    ))
+}
+
+/// How far logarithms of ratios may be apart to be one factor, and the least factor that is none of wear.
+const ALIKE: f64 = 0.35;
+const FACTOR: f64 = 2.0;
+
+/// What goes with the position, in words.
+fn ripple(machine: &Machine, units: &Units) -> String {
+    let Some(ripple) = machine.ripple else {
+        return String::new();
+    };
+    let every = format!(
+        "every {} {}",
+        significant(1e3 * ripple.pitch, 3),
+        units.milli_position
+    );
+    match ripple.kind {
+        RippleKind::Cogging => format!(
+            "a force of {} {} repeats itself {every} (cogging): it is taken out of what is identified",
+            significant(ripple.amplitude(), 3),
+            units.force,
+        ),
+        RippleKind::Eccentricity => format!(
+            "the encoder errs by {} {} and repeats that {every} (off its axis, or a scale of its own): it is \
+             taken out of what is identified",
+            significant(1e6 * ripple.amplitude(), 3),
+            units.micro_position,
+        ),
     }
 }
 

@@ -5,6 +5,7 @@
 pub mod campaign;
 pub mod drives;
 pub mod false_alarms;
+pub mod learning;
 pub mod move_campaign;
 mod random_drive;
 pub mod reference;

@@ -40,6 +40,8 @@ pub fn drive_file(text: &str, quantities: &[Identified]) -> Result<String> {
             Quantity::Delay => set(&mut document["actuator"], "delay", number),
             Quantity::Lag => set(&mut document["actuator"], "lag", number),
             Quantity::HoldingForce => set(&mut document["actuator"], "holding_force", number),
+            // No drive file has them.
+            Quantity::Backlash(_) | Quantity::Ripple(_) => (),
         }
     }
     Ok(document.to_string())

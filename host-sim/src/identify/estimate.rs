@@ -10,7 +10,7 @@
 
 use super::least_squares::{Fit, fit};
 use super::predict::{Gain, Noise, Prediction, predict};
-use super::{Log, Machine, Parameters, Quantity};
+use super::{Log, Machine, Parameters};
 use crate::error::{Error, Result};
 use crate::output::Progress;
 use rayon::prelude::*;
@@ -69,12 +69,6 @@ impl<'a> Residuals<'a> {
     /// How many coordinates are quantities; the others are the noise.
     pub(super) fn quantities(&self) -> usize {
         self.nominal.len()
-    }
-
-    /// The coordinate at which a quantity is as the drive file has it.
-    pub(super) fn of_nothing(&self, quantity: Quantity) -> f64 {
-        let position = self.parameters.free().position(|free| free == quantity);
-        position.map_or(0.0, |i| self.nominal[i])
     }
 
     /// Densities of the noise at some coordinates.

@@ -3,6 +3,7 @@
 //! Masses, stiffnesses, dampings and the force constant are positive and vary by factors (as
 //! logarithms), friction may be zero and varies by amounts.
 
+use super::neighbours::of_loads;
 use crate::chain::Chain;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
@@ -51,6 +52,58 @@ pub enum Quantity {
     Lag,
     /// Force by which the motor holds the machine where it stands.
     HoldingForce,
+    /// Gap at the spring before that load.
+    Backlash(usize),
+    /// Of what goes with the position.
+    Ripple(RipplePart),
+}
+
+/// What of a ripple.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RipplePart {
+    /// Amplitude of its sine.
+    Sine,
+    /// Amplitude of its cosine.
+    Cosine,
+    /// Length over which it repeats.
+    Pitch,
+}
+
+/// What repeats itself over the position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ripple {
+    /// Which.
+    pub kind: RippleKind,
+    /// Length over which it repeats, m.
+    pub pitch: f64,
+    /// Amplitude of its sine, N or m.
+    pub sine: f64,
+    /// Amplitude of its cosine, N or m.
+    pub cosine: f64,
+}
+
+/// Which of those.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RippleKind {
+    /// A force on the actuator, N.
+    Cogging,
+    /// An error of the encoder, m.
+    Eccentricity,
+}
+
+impl Ripple {
+    /// At a position, m: N or m.
+    #[must_use]
+    pub fn at(&self, position: f64) -> f64 {
+        let (sine, cosine) = (std::f64::consts::TAU * position / self.pitch).sin_cos();
+        self.sine * sine + self.cosine * cosine
+    }
+
+    /// Its amplitude, N or m.
+    #[must_use]
+    pub fn amplitude(&self) -> f64 {
+        self.sine.hypot(self.cosine)
+    }
 }
 
 impl Quantity {
@@ -72,6 +125,8 @@ impl Quantity {
             Quantity::Delay => "actuator.delay".into(),
             Quantity::Lag => "actuator.lag".into(),
             Quantity::HoldingForce => "actuator.holding_force".into(),
+            Quantity::Backlash(load) => format!("load[{}].backlash", load + 1),
+            Quantity::Ripple(part) => format!("ripple ({part:?})"),
         }
     }
 
@@ -89,6 +144,7 @@ impl Quantity {
             | Quantity::LoadCoulomb(_)
             | Quantity::HoldingForce => units.force,
             Quantity::Delay | Quantity::Lag => "s",
+            Quantity::Backlash(_) | Quantity::Ripple(_) => units.position,
         }
     }
 
@@ -106,7 +162,15 @@ impl Quantity {
 
     /// Whether it may be negative.
     pub(super) fn signed(self) -> bool {
-        matches!(self, Quantity::HoldingForce | Quantity::CoulombBackward)
+        matches!(
+            self,
+            Quantity::HoldingForce | Quantity::CoulombBackward | Quantity::Ripple(_)
+        )
+    }
+
+    /// Whether a drive file has it: what no drive can make good is taken out of a record and told.
+    pub(super) fn of_a_drive(self) -> bool {
+        !matches!(self, Quantity::Backlash(_) | Quantity::Ripple(_))
     }
 
     /// Whether knowing it fixes the scale of all forces.
@@ -135,6 +199,10 @@ pub struct Machine {
     pub mechanics: Mechanics,
     /// By which the motor holds the machine where it stands, N.
     pub holding_force: f64,
+    /// Gap at each spring, m.
+    pub backlash: Vec<f64>,
+    /// What goes with the position.
+    pub ripple: Option<Ripple>,
 }
 
 impl Machine {
@@ -167,6 +235,8 @@ pub struct Parameters {
     pub(super) all: Vec<(Quantity, bool)>,
     /// Amounts by which friction varies, viscous and Coulomb, and time.
     scale: (f64, f64, f64),
+    /// The same of lengths: what the first spring gives under a tenth of the motor's force.
+    length: f64,
     /// Of the slowest mode, rad/s.
     rate: f64,
 }
@@ -256,13 +326,17 @@ impl Parameters {
             .first()
             .map_or(10.0, |mode| std::f64::consts::TAU * mode.frequency_hz);
         let force = chain.force_constant * drive.actuator.current_limit;
+        let length = 0.1 * force / chain.stiffness.first().copied().unwrap_or(force);
         Ok(Self {
             experiment,
             start: Machine {
                 mechanics,
                 holding_force: drive.actuator.holding_force,
+                backlash: vec![0.0; drive.loads.len()],
+                ripple: None,
             },
             all,
+            length,
             scale: (0.1 * total * rate, 0.1 * force, drive.control.sample_time),
             rate,
         })
@@ -300,6 +374,30 @@ impl Parameters {
         more
     }
 
+    /// The same of another machine, with its number of loads, all of whose parts are free.
+    pub(super) fn around(&self, machine: Machine) -> Self {
+        Self {
+            all: of_loads(&self.all, machine.chain().loads()),
+            start: machine,
+            ..self.clone()
+        }
+    }
+
+    /// The same with a ripple of some length, of nothing yet.
+    pub(super) fn with_ripple(&self, kind: RippleKind, pitch: f64) -> Self {
+        let mut more = self.clone();
+        more.start.ripple = Some(Ripple {
+            kind,
+            pitch,
+            sine: 0.0,
+            cosine: 0.0,
+        });
+        let parts = [RipplePart::Sine, RipplePart::Cosine, RipplePart::Pitch];
+        let parts = parts.map(|part| (Quantity::Ripple(part), false));
+        more.all.extend(parts);
+        more
+    }
+
     /// What a machine may have beside what every one has, where it is not already asked for.
     pub(super) fn extensions(&self) -> Vec<Quantity> {
         let mut result = vec![
@@ -310,7 +408,11 @@ impl Parameters {
             Quantity::Static,
         ];
         for load in 0..self.start.chain().loads() {
-            result.extend([Quantity::LoadViscous(load), Quantity::LoadCoulomb(load)]);
+            result.extend([
+                Quantity::LoadViscous(load),
+                Quantity::LoadCoulomb(load),
+                Quantity::Backlash(load),
+            ]);
         }
         let asked = |quantity: &Quantity| self.all.iter().any(|(asked, _)| asked == quantity);
         result.retain(|quantity| !asked(quantity));
@@ -341,6 +443,12 @@ impl Parameters {
             Quantity::Delay => mechanics.delay,
             Quantity::Lag => mechanics.lag,
             Quantity::HoldingForce => machine.holding_force,
+            Quantity::Backlash(load) => machine.backlash[load],
+            Quantity::Ripple(part) => machine.ripple.map_or(0.0, |ripple| match part {
+                RipplePart::Sine => ripple.sine,
+                RipplePart::Cosine => ripple.cosine,
+                RipplePart::Pitch => ripple.pitch,
+            }),
         }
     }
 
@@ -399,6 +507,16 @@ impl Parameters {
                 Quantity::Delay => mechanics.delay = amount.max(0.0),
                 Quantity::Lag => mechanics.lag = amount.max(0.0),
                 Quantity::HoldingForce => machine.holding_force = amount,
+                Quantity::Backlash(load) => machine.backlash[load] = amount.max(0.0),
+                Quantity::Ripple(part) => {
+                    if let Some(ripple) = &mut machine.ripple {
+                        match part {
+                            RipplePart::Sine => ripple.sine = amount,
+                            RipplePart::Cosine => ripple.cosine = amount,
+                            RipplePart::Pitch => ripple.pitch = amount,
+                        }
+                    }
+                }
             }
         }
         if let Some(backward) = backward {
@@ -417,6 +535,18 @@ impl Parameters {
             | Quantity::LoadCoulomb(_)
             | Quantity::HoldingForce => self.scale.1,
             Quantity::Delay | Quantity::Lag => self.scale.2,
+            Quantity::Backlash(_) => self.length,
+            Quantity::Ripple(part) => {
+                let (kind, pitch) = self
+                    .start
+                    .ripple
+                    .map_or((RippleKind::Cogging, 1.0), |r| (r.kind, r.pitch));
+                match (part, kind) {
+                    (RipplePart::Pitch, _) => pitch,
+                    (_, RippleKind::Cogging) => self.scale.1,
+                    (_, RippleKind::Eccentricity) => self.length,
+                }
+            }
             _ => self.value(machine, quantity),
         }
     }

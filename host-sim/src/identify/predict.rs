@@ -11,8 +11,9 @@
 //! such a reason weighs less.
 
 use super::log::Log;
-use super::parameters::Machine;
+use super::parameters::{Machine, RippleKind};
 use crate::linear::dare;
+use crate::linear::zoh::zero_order_hold;
 use crate::machine::Motion;
 use crate::machine::motion::PARTS;
 use nalgebra::{DMatrix, DVector};
@@ -174,12 +175,62 @@ fn at_beginning(log: &Log, machine: &Machine) -> Motion {
     motion
 }
 
-/// One interval of a record under a force, N.
-fn advance(motion: &mut Motion, parts: u32, force: f64) {
-    if parts == PARTS {
-        motion.advance(force);
-    } else {
-        motion.advance_for(force, parts);
+/// The forces of a machine that its chain does not have.
+struct Beside<'a> {
+    machine: &'a Machine,
+    period: f64,
+    /// Each gap: its load, its half and its spring, and what 1 N between the masses at that spring does over a
+    /// period.
+    gaps: Vec<(usize, f64, f64, DVector<f64>)>,
+}
+
+impl<'a> Beside<'a> {
+    fn new(machine: &'a Machine, period: f64) -> Self {
+        let chain = machine.chain();
+        let gaps = machine.backlash.iter().take(chain.loads()).enumerate();
+        let gaps = gaps.filter(|(_, gap)| **gap > 0.0).map(|(load, gap)| {
+            let pair = chain.force_input(load) - chain.force_input(load + 1);
+            let (_, response) = zero_order_hold(&chain.a(), &pair, period);
+            (load, 0.5 * gap, chain.stiffness[load], response)
+        });
+        Self {
+            gaps: gaps.collect(),
+            machine,
+            period,
+        }
+    }
+
+    /// Of the motor's force over an interval between two measured positions, N.
+    fn force(&self, from: f64, to: f64) -> f64 {
+        let cogging = self.machine.ripple.filter(|r| r.kind == RippleKind::Cogging);
+        cogging.map_or(0.0, |ripple| ripple.at(0.5 * (from + to))) - self.machine.holding_force
+    }
+
+    /// By how much the encoder errs at a position that it shows, m.
+    fn error(&self, position: f64) -> f64 {
+        let off_axis = self.machine.ripple.filter(|r| r.kind == RippleKind::Eccentricity);
+        off_axis.map_or(0.0, |ripple| ripple.at(position))
+    }
+
+    /// One interval under a force, N.
+    fn advance(&self, motion: &mut Motion, parts: u32, force: f64) {
+        // Inside its gap a spring carries nothing: what it would carry in the middle of the interval is
+        // taken back.
+        let carried = |(load, half, stiffness, _): &(usize, f64, f64, DVector<f64>)| {
+            let (state, inner) = (motion.state(), 2 * load);
+            let deflection = state[inner] - state[inner + 2];
+            let rate = state[inner + 1] - state[inner + 3];
+            stiffness * (deflection + 0.5 * self.period * rate).clamp(-half, *half)
+        };
+        let carried: Vec<f64> = self.gaps.iter().map(carried).collect();
+        if parts == PARTS {
+            motion.advance(force);
+        } else {
+            motion.advance_for(force, parts);
+        }
+        for (newton, (_, _, _, response)) in carried.iter().zip(&self.gaps) {
+            motion.state_mut().axpy(*newton, response, 1.0);
+        }
     }
 }
 
@@ -199,11 +250,14 @@ pub(super) fn predict(log: &Log, machine: &Machine, gain: &Gain) -> Option<Predi
     let mut innovations = Vec::with_capacity(log.current.len());
     let mut wanders = Vec::with_capacity(log.current.len());
     let mut run = gain.start.iter();
-    let rows = log.current.iter().zip(&log.parts).zip(&log.position[1..]);
-    for ((current, parts), measured) in rows {
-        let force = machine.chain().force_constant * current - machine.holding_force;
-        advance(&mut motion, *parts, force + wander);
+    let beside = Beside::new(machine, log.period);
+    let rows = log.current.iter().zip(&log.parts).zip(log.position.windows(2));
+    for ((current, parts), position) in rows {
+        let force = beside.force(position[0], position[1]);
+        let force = machine.chain().force_constant * current + force;
+        beside.advance(&mut motion, *parts, force + wander);
         wanders.push(wander);
+        let measured = position[1] - beside.error(position[1]);
         let innovation = measured - motion.state()[0];
         if !innovation.is_finite() {
             return None;
@@ -228,11 +282,14 @@ pub(super) fn predict(log: &Log, machine: &Machine, gain: &Gain) -> Option<Predi
 pub(super) fn simulation(log: &Log, machine: &Machine, push: &[f64]) -> Vec<f64> {
     let mut motion = at_beginning(log, machine);
     let mut result = vec![log.position[0]];
+    let beside = Beside::new(machine, log.period);
     for (k, (current, parts)) in log.current.iter().zip(&log.parts).enumerate() {
         let push = push.get(k).copied().unwrap_or(0.0);
-        let force = machine.chain().force_constant * current - machine.holding_force + push;
-        advance(&mut motion, *parts, force);
-        result.push(motion.state()[0]);
+        let force = beside.force(log.position[k], log.position[k + 1]);
+        let force = machine.chain().force_constant * current + force + push;
+        beside.advance(&mut motion, *parts, force);
+        // As the encoder shows it.
+        result.push(motion.state()[0] + beside.error(motion.state()[0]));
     }
     result
 }

@@ -71,6 +71,11 @@ pub(super) fn settle(
     let quantities = residuals.quantities();
     let all = |x: &[f64]| Some(residuals.of(logs, x));
     let slopes_at = |fit: &Fit| jacobian(&all, &fit.coordinates);
+    // They may come from the beginning of the records.
+    for end in &mut ends {
+        *end = closely(logs, residuals, &end.coordinates);
+    }
+    let mut ends = ranked(ends, quantities);
     let mut best = ends.first().cloned().ok_or_else(failed)?;
     let mut slopes = slopes_at(&best).ok_or_else(failed)?;
     for _ in 0..MOVES {

@@ -6,6 +6,7 @@
 
 use super::frequency::{self, Point};
 use super::{Experiment, Machine, Parameters, Quantity};
+use crate::chain::Chain;
 
 /// Factors on every spring.
 const STIFFNESS: [f64; 5] = [1.0, 0.65, 0.8, 1.25, 1.5];
@@ -18,13 +19,19 @@ const FRICTION: [f64; 3] = [0.0, 0.015, 0.05];
 ///
 /// * `force`: the motor's largest, N
 /// * `response`: empty where there is none
+/// * `beside`: a machine whose chain is wrong, but not what it has beside it
 pub(super) fn starts(
     parameters: &Parameters,
+    beside: &Machine,
     force: f64,
     response: &[Point],
     period: f64,
 ) -> Vec<Machine> {
-    let start = parameters.start();
+    let mut start = beside.clone();
+    start.mechanics.chain = Chain {
+        ground: beside.chain().ground.clone(),
+        ..parameters.start().chain().clone()
+    };
     let free = |quantity: Quantity| parameters.free().any(|free| free == quantity);
     let factors: &[f64] = match parameters.experiment() {
         Experiment::Excitation => &STIFFNESS,

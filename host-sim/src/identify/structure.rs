@@ -7,6 +7,7 @@
 
 use super::estimate::{Residuals, closely};
 use super::least_squares::{Fit, jacobian};
+use super::parameters::{RippleKind, RipplePart};
 use super::{Log, Parameters, Quantity};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -22,6 +23,13 @@ const FITTED: usize = 3;
 /// Things that one machine may have.
 const MOST: usize = 4;
 
+/// Lengths that are tried for what repeats itself over the position: at least so many rows of the fastest
+/// motion, at most this share of all of it, each shorter than the one before by a factor, and how many.
+const ROWS: f64 = 5.0;
+const LONGEST: f64 = 0.7;
+const FINER: f64 = 1.05;
+const PITCHES: usize = 60;
+
 /// A search with what it needs, and where it ends.
 pub(super) struct Structure {
     /// The quantities in the fit.
@@ -32,26 +40,13 @@ pub(super) struct Structure {
     pub(super) added: Vec<Quantity>,
 }
 
-/// Takes into a search what its records need.
+/// One thing more; none where none is worth it.
 ///
 /// * `force`: the motor's largest, N
-pub(super) fn extended(logs: &[Log], force: f64, parameters: &Parameters, ends: Vec<Fit>) -> Structure {
-    let mut structure = Structure {
-        parameters: parameters.clone(),
-        ends,
-        added: Vec::new(),
-    };
-    while structure.added.len() < MOST {
-        let Some(more) = once(logs, force, &structure) else {
-            break;
-        };
-        structure = more;
+pub(super) fn extended(logs: &[Log], force: f64, structure: &Structure) -> Option<Structure> {
+    if structure.added.len() >= MOST {
+        return None;
     }
-    structure
-}
-
-/// One thing more; none where none is worth it.
-fn once(logs: &[Log], force: f64, structure: &Structure) -> Option<Structure> {
     let period = logs.first()?.period;
     let parameters = &structure.parameters;
     let best = structure.ends.first()?;
@@ -64,47 +59,66 @@ fn once(logs: &[Log], force: f64, structure: &Structure) -> Option<Structure> {
     let worth = (WORTH * variance).max(SHARE * 2.0 * best.cost);
     let orthogonal = Orthogonal::to(&slopes)?;
 
+    let mut trials: Vec<Trial> = parameters.extensions().into_iter().map(Trial::One).collect();
+    if parameters.start().ripple.is_none() {
+        let pitches = pitches(logs);
+        for kind in [RippleKind::Cogging, RippleKind::Eccentricity] {
+            trials.extend(pitches.iter().map(|pitch| Trial::Ripple(kind, *pitch)));
+        }
+    }
     // Each with what is expected of it, and how much of it there would be.
-    let mut candidates: Vec<(Quantity, f64, f64)> = parameters
-        .extensions()
+    let mut candidates: Vec<(Trial, f64, Vec<f64>)> = trials
         .into_par_iter()
-        .filter_map(|quantity| {
-            let more = parameters.with(quantity);
+        .filter_map(|trial| {
+            let (more, varied) = trial.added_to(parameters);
             let residuals = Residuals::new(force, period, &more);
-            let at = |amount: f64| {
+            let nothing: Vec<f64> = more.coordinates(more.start())[quantities..].to_vec();
+            let at = |varied: Option<usize>| {
                 let mut x = best.coordinates.clone();
-                x.insert(quantities, residuals.of_nothing(quantity) + amount);
+                x.splice(quantities..quantities, nothing.iter().copied());
+                if let Some(index) = varied {
+                    x[quantities + index] += LITTLE;
+                }
                 residuals.of(logs, &x)
             };
-            let (without, with) = (at(0.0), at(LITTLE));
-            let mut column = DVector::zeros(errors.len());
-            for (row, (with, without)) in with.iter().zip(&without).enumerate().take(periods) {
-                column[row] = (with - without) / LITTLE;
+            let without = at(None);
+            let mut columns = DMatrix::zeros(errors.len(), varied);
+            for (index, mut column) in columns.column_iter_mut().enumerate() {
+                let with = at(Some(index));
+                for row in 0..periods {
+                    column[row] = (with[row] - without[row]) / LITTLE;
+                }
             }
-            let column = orthogonal.part_of(&column);
-            let size = column.norm_squared();
-            let amount = -column.dot(&errors) / size;
-            let expected = amount * amount * size;
-            (expected > worth && (amount > 0.0 || quantity.signed()))
-                .then_some((quantity, expected, amount))
+            let columns = orthogonal.part_of(&columns);
+            let amounts = -(columns.tr_mul(&columns).try_inverse()? * columns.tr_mul(&errors));
+            let expected = (&columns * &amounts).norm_squared();
+            let possible = trial.signed() || amounts[0] > 0.0;
+            let mut start = nothing;
+            for (x, amount) in start.iter_mut().zip(amounts.iter()) {
+                *x += amount.clamp(-1.0, 1.0);
+            }
+            (possible && expected > worth).then_some((trial, expected, start))
         })
         .collect();
     candidates.sort_by(|a, b| b.1.total_cmp(&a.1));
-    candidates
-        .par_iter()
+    // Of neighbouring pitches the best.
+    let mut kept: Vec<(Trial, f64, Vec<f64>)> = Vec::new();
+    for candidate in candidates {
+        if !kept.iter().any(|other| other.0.like(&candidate.0)) {
+            kept.push(candidate);
+        }
+    }
+    kept.par_iter()
         .take(FITTED)
-        .filter_map(|(quantity, _, amount)| {
-            let more = parameters.with(*quantity);
+        .filter_map(|(trial, _, start)| {
+            let (more, _) = trial.added_to(parameters);
             let residuals = Residuals::new(force, period, &more);
             let mut x = best.coordinates.clone();
-            x.insert(
-                quantities,
-                residuals.of_nothing(*quantity) + amount.clamp(-1.0, 1.0),
-            );
+            x.splice(quantities..quantities, start.iter().copied());
             let end = closely(logs, &residuals, &x);
             let gained = 2.0 * (best.cost - end.cost);
             let mut added = structure.added.clone();
-            added.push(*quantity);
+            added.push(trial.quantity());
             (gained > worth).then_some(Structure {
                 parameters: more,
                 ends: vec![end],
@@ -112,6 +126,63 @@ fn once(logs: &[Log], force: f64, structure: &Structure) -> Option<Structure> {
             })
         })
         .min_by(|a, b| a.ends[0].cost.total_cmp(&b.ends[0].cost))
+}
+
+/// Something to be tried.
+#[derive(Clone, Copy, Debug)]
+enum Trial {
+    One(Quantity),
+    /// Over a length, m.
+    Ripple(RippleKind, f64),
+}
+
+impl Trial {
+    /// The quantities with it, and how many of its own are varied at first.
+    fn added_to(self, parameters: &Parameters) -> (Parameters, usize) {
+        match self {
+            Trial::One(quantity) => (parameters.with(quantity), 1),
+            Trial::Ripple(kind, pitch) => (parameters.with_ripple(kind, pitch), 2),
+        }
+    }
+
+    fn quantity(self) -> Quantity {
+        match self {
+            Trial::One(quantity) => quantity,
+            Trial::Ripple(..) => Quantity::Ripple(RipplePart::Sine),
+        }
+    }
+
+    fn signed(self) -> bool {
+        self.quantity().signed()
+    }
+
+    /// Whether it is the same but for a length.
+    fn like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Trial::One(a), Trial::One(b)) => a == b,
+            (Trial::Ripple(a, _), Trial::Ripple(b, _)) => a == b,
+            _ => false,
+        }
+    }
+}
+
+/// Lengths over which something may repeat itself: from some rows of the fastest motion to half of all.
+fn pitches(logs: &[Log]) -> Vec<f64> {
+    let positions = || logs.iter().flat_map(|log| log.position.iter().copied());
+    let (low, high) = positions().fold((f64::MAX, f64::MIN), |(low, high), x| {
+        (low.min(x), high.max(x))
+    });
+    let steps = logs.iter().flat_map(|log| log.position.windows(2));
+    let fastest = steps.map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+    let (shortest, longest) = (ROWS * fastest, (high - low) * LONGEST);
+    let mut pitches = vec![longest];
+    while let Some(last) = pitches.last()
+        && last / FINER > shortest
+        && pitches.len() < PITCHES
+    {
+        pitches.push(last / FINER);
+    }
+    pitches
 }
 
 /// What is orthogonal to some columns.
@@ -126,7 +197,7 @@ impl Orthogonal {
         basis.iter().all(|x| x.is_finite()).then_some(Self { basis })
     }
 
-    fn part_of(&self, column: &DVector<f64>) -> DVector<f64> {
-        column - &self.basis * self.basis.tr_mul(column)
+    fn part_of(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        columns - &self.basis * self.basis.tr_mul(columns)
     }
 }

@@ -1,0 +1,82 @@
+//! One move teaches the drive, whole: see `arso_tests::learning`.
+
+use arso_tests::learning::{degradation, imperfections, lessons, wide};
+use clap::Parser;
+use host_sim::design::Design;
+use host_sim::drive::{DEFAULT_DRIVE, Drive};
+use host_sim::error::Result;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Count plants of which one move teaches the drive, and what a second then is.
+#[derive(Debug, Parser)]
+struct Cli {
+    /// Drive file; the embedded one when not given.
+    #[arg(long)]
+    drive: Option<PathBuf>,
+    /// Plants of the wide set.
+    #[arg(long, default_value_t = 150)]
+    plants: usize,
+    /// Plants for each thing that the model lacks.
+    #[arg(long, default_value_t = 30)]
+    imperfect: usize,
+    /// m or rad.
+    #[arg(long, default_value_t = 0.03)]
+    distance: f64,
+    /// What is drawn follows from this.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+fn main() -> ExitCode {
+    match run(&Cli::parse()) {
+        Ok(passed) => ExitCode::from(u8::from(!passed)),
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(cli: &Cli) -> Result<bool> {
+    let text = match &cli.drive {
+        None => DEFAULT_DRIVE.to_owned(),
+        Some(path) => {
+            std::fs::read_to_string(path).map_err(host_sim::error::Error::read(path))?
+        }
+    };
+    let drive = Drive::load(cli.drive.as_deref())?;
+    let design = Design::new(&drive)?;
+    println!("seed {}", cli.seed);
+    let mut passed = true;
+    if cli.plants > 0 {
+        let all = lessons(&design, &text, &wide(&drive, cli.plants, cli.seed), cli.distance)?;
+        print!("{all}");
+        passed &= all.learned() == cli.plants;
+    }
+    if cli.imperfect > 0 {
+        let plants = wide(&drive, cli.imperfect, cli.seed);
+        println!("| | right | refused | wrong |\n|---|---|---|---|");
+        for imperfection in imperfections() {
+            let all = degradation(&design, &plants, cli.distance, &imperfection)?;
+            println!(
+                "| {} | {} | {} | {} |",
+                imperfection.name,
+                all.right,
+                all.refused.len(),
+                all.wrong.len()
+            );
+            for (remark, count) in &all.remarks {
+                println!("    {count} x {remark}");
+            }
+            for refused in all.refused.iter().take(2) {
+                println!("    refused: {refused}");
+            }
+            if !all.wrong.is_empty() {
+                println!("    off by {:.3?}", all.wrong);
+            }
+            passed &= all.wrong.is_empty();
+        }
+    }
+    Ok(passed)
+}
