@@ -274,11 +274,7 @@ mod tests {
             []
         );
         let running = record(1, "Running");
-        let cut: String = running
-            .lines()
-            .take(300)
-            .map(|row| format!("{row}\n"))
-            .collect();
+        let cut = running.lines().take(300).collect::<Vec<_>>().join("\n") + "\n";
         assert_eq!(follower.take(cut.as_bytes()).unwrap(), []);
         let found = follower.take(b"500,1,0,Idle\n").unwrap();
         assert_eq!((found.len(), &*found[0].to), (1, "299"));

@@ -85,7 +85,12 @@ impl LearnCommand {
         }
         let logs = file.logs(&self.record, &self.column)?;
         let experiment = Experiment::Excitation;
-        let identification = file.identified(&logs, experiment, &held_by_default(), quiet)?;
+        // Meanwhile what the machine ran with; whatever is wrong with it is said where it is needed.
+        let (identification, _) = rayon::join(
+            || file.identified(&logs, experiment, &held_by_default(), quiet),
+            || file.design().is_ok_and(|old| old.plans().is_ok()),
+        );
+        let identification = identification?;
         let text = drive_file(&file.text, &identification.quantities)?;
         let drive = Drive::parse(&text, &toml.display().to_string())?;
         write_file(&toml, text.as_bytes())?;

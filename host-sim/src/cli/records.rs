@@ -6,8 +6,8 @@ use crate::design::Design;
 use crate::drive::{DEFAULT_DRIVE, DEFAULT_NAME, Drive};
 use crate::error::{Error, Result};
 use crate::identify::{Columns, Experiment, Identification, Log, Parameters, identify};
-use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// A drive as a file describes it, with the text to be rewritten.
 pub(super) struct DescribedDrive {
@@ -16,7 +16,7 @@ pub(super) struct DescribedDrive {
     pub(super) text: String,
     /// What it describes.
     pub(super) drive: Drive,
-    design: OnceCell<Result<Design>>,
+    design: OnceLock<Result<Design>>,
 }
 
 impl DescribedDrive {
@@ -29,7 +29,7 @@ impl DescribedDrive {
             path: path.map(Path::to_owned),
             text,
             drive: Drive::load(path)?,
-            design: OnceCell::new(),
+            design: OnceLock::new(),
         })
     }
 

@@ -118,6 +118,14 @@ pub fn sound(design: &Design) -> Result<Vec<Check>> {
     Ok(checks)
 }
 
+/// Whether what is seen at a first look forbids to run a design.
+///
+/// # Errors
+/// As [`require_sound`].
+pub fn require_sound_at_first_look(design: &Design) -> Result<()> {
+    refusal(&at_first_look(design)?)
+}
+
 /// Whether a design may be run at all.
 ///
 /// # Errors

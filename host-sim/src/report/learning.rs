@@ -208,15 +208,20 @@ pub fn drift(drift: &Drift) -> String {
         "prediction error {} times the least",
         significant(drift.times_least, 2)
     );
+    let change = format!(
+        "stiffness about {:+.0} %, last mass {:+.0} %",
+        100.0 * drift.stiffness,
+        100.0 * drift.last_mass
+    );
     if !drift.changed() {
-        return format!("the load is as the drive file says ({error})");
+        return if drift.size > NONE && drift.explained {
+            format!("the load is nearly as the drive file says: {change} ({error})")
+        } else {
+            format!("the load is as the drive file says ({error})")
+        };
     }
     if drift.explained {
-        return format!(
-            "the load has changed: stiffness about {:+.0} %, last mass {:+.0} % ({error}): run learn",
-            100.0 * drift.stiffness,
-            100.0 * drift.last_mass
-        );
+        return format!("the load has changed: {change} ({error}): run learn");
     }
     format!("the load has changed, not in stiffness and last mass alone ({error}): run learn")
 }

@@ -8,7 +8,7 @@ use super::scenario::Scenario;
 use super::sequence::MoveSequence;
 use super::watch::watched_moves;
 use crate::design::Design;
-use crate::design::assessment::require_sound;
+use crate::design::assessment::require_sound_at_first_look;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::machine::chain_of;
@@ -43,7 +43,9 @@ impl Benefit {
     ) -> Result<Self> {
         let (after, distance) = moved(new, plant, distance)?;
         let before = match old {
-            Ok(old) => require_sound(old).and_then(|()| Ok(moved(old, plant, distance)?.0)),
+            Ok(old) => {
+                require_sound_at_first_look(old).and_then(|()| Ok(moved(old, plant, distance)?.0))
+            }
             Err(error) => Err(Error::Design(match error {
                 Error::Design(why) => why.clone(),
                 other => other.to_string(),
