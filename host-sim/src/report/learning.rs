@@ -201,17 +201,23 @@ pub fn json(
     value
 }
 
+/// In whole percent.
+fn whole(share: f64) -> i64 {
+    (100.0 * share).round() as i64
+}
+
 /// What a move says of the load, in one sentence.
 #[must_use]
 pub fn drift(drift: &Drift) -> String {
-    let error = format!(
-        "prediction error {} times the least",
-        significant(drift.times_least, 2)
-    );
+    let times = match drift.times_least {
+        times if times < 10.0 => significant(times, 2),
+        times => format!("{times:.0}"),
+    };
+    let error = format!("prediction error {times} times the least");
     let change = format!(
-        "stiffness about {:+.0} %, last mass {:+.0} %",
-        100.0 * drift.stiffness,
-        100.0 * drift.last_mass
+        "stiffness about {:+} %, last mass {:+} %",
+        whole(drift.stiffness),
+        whole(drift.last_mass)
     );
     if !drift.changed() {
         return if drift.size > NONE && drift.explained {
