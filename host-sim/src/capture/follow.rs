@@ -8,6 +8,7 @@
 //! Only what parts the stretches is read here; what a row says is for whoever reads the stretch.
 
 use crate::error::{Error, Result};
+use crate::machine::encoder::LEAST_COUNTS;
 
 /// Counts within which a machine stands.
 const STANDING: f64 = 8.0;
@@ -61,6 +62,9 @@ pub struct Follower {
     anchor: Option<f64>,
     moving: bool,
     stood: usize,
+    /// Where the row before was, and how far the actuator has gone since it stood, with its ends, counts.
+    last: Option<f64>,
+    gone: [f64; 3],
 }
 
 impl Follower {
@@ -81,6 +85,8 @@ impl Follower {
             anchor: None,
             moving: false,
             stood: 0,
+            last: None,
+            gone: [0.0; 3],
         }
     }
 
@@ -117,13 +123,16 @@ impl Follower {
         // What is no number is for the reader of the stretch to refuse.
         let place = field(fields.place).replace(',', ".").parse::<f64>().ok();
         let place = place.map(|place| place / fields.unit);
-        let distance = self.anchor.zip(place).map(|(anchor, place)| {
-            let far = place - anchor;
-            match fields.range {
-                Some(range) => (far - range * (far / range).round()).abs(),
-                None => far.abs(),
-            }
-        });
+        let range = fields.range;
+        let between = |from: f64, to: f64| match range {
+            Some(range) => (to - from) - range * ((to - from) / range).round(),
+            None => to - from,
+        };
+        let distance = self.anchor.zip(place);
+        let distance = distance.map(|(anchor, place)| between(anchor, place).abs());
+        let step = self.last.zip(place);
+        let step = step.map_or(0.0, |(last, place)| between(last, place));
+        self.last = place.or(self.last);
 
         let mut ended = None;
         if mode != self.mode {
@@ -135,6 +144,9 @@ impl Follower {
             return Ok(ended);
         }
         self.rows.push(line);
+        let [at, low, high] = self.gone;
+        let at = at + step;
+        self.gone = [at, low.min(at), high.max(at)];
         if distance.is_none_or(|distance| distance > STANDING) {
             self.moving |= self.anchor.is_some() && place.is_some();
             self.anchor = place.or(self.anchor);
@@ -148,6 +160,7 @@ impl Follower {
         } else if self.stood >= STOOD || self.rows.len() >= LONGEST {
             ended = self.stretch();
             self.moving = false;
+            self.gone = [0.0; 3];
             let surplus = self.rows.len().saturating_sub(BEFORE);
             self.rows.drain(..surplus);
         }
@@ -159,10 +172,16 @@ impl Follower {
         self.anchor = None;
         self.moving = false;
         self.stood = 0;
+        self.gone = [0.0; 3];
     }
 
+    /// The rows that there are; nothing where the machine hardly moved, as when it is pushed to its target.
     fn stretch(&self) -> Option<Stretch> {
         let (header, fields) = self.header.as_ref()?;
+        let [_, low, high] = self.gone;
+        if high - low < LEAST_COUNTS {
+            return None;
+        }
         let time = |row: Option<&String>| {
             let field = row.and_then(|row| row.split(fields.separator).nth(fields.time));
             field.unwrap_or_default().trim().to_owned()
@@ -257,9 +276,9 @@ mod tests {
                 found.extend(follower.take(bytes).unwrap());
             }
             let places: Vec<_> = found.iter().map(|one| (&*one.from, &*one.to)).collect();
-            assert_eq!(places, [("51", "399"), ("551", "899"), ("1051", "1399")]);
+            assert_eq!(places, [("50", "399"), ("550", "899"), ("1050", "1399")]);
             assert!(found[1].text.starts_with("time[s],count[1],"));
-            assert_eq!(found[1].text.lines().count(), 350);
+            assert_eq!(found[1].text.lines().count(), 351);
         }
     }
 
@@ -278,6 +297,15 @@ mod tests {
         assert_eq!(follower.take(cut.as_bytes()).unwrap(), []);
         let found = follower.take(b"500,1,0,Idle\n").unwrap();
         assert_eq!((found.len(), &*found[0].to), (1, "299"));
+    }
+
+    /// A push by some counts is no move.
+    #[test]
+    fn a_small_motion_is_no_move() {
+        let mut follower = follower();
+        let rows = (0..600).map(|k| format!("{k},{},0.1,Running", if k < 200 { 10 } else { 40 }));
+        let text = rows.collect::<Vec<_>>().join("\n") + "\n";
+        assert_eq!(follower.take(text.as_bytes()).unwrap(), []);
     }
 
     #[test]

@@ -25,9 +25,9 @@ const STARTS: [f64; 3] = [0.0, -0.3, 0.3];
 const FIT: (f64, usize) = (1e-3, 6);
 /// Width of the difference by which innovations follow the springs.
 const WIDTH: f64 = 0.01;
-/// How far off the load counts as changed, as if all springs were off by that. Planned moves allow for some
-/// percent: see `moves`.
-const CHANGED: f64 = 0.05;
+/// How far off the load counts as changed, as if all springs were off by that: planned moves allow for 2 %, and one
+/// inner mass that is 30 % off may look like 4 %.
+const CHANGED: f64 = 0.02;
 /// Times the least error at which it can count as changed at all.
 const ABOVE_LEAST: f64 = 1.2;
 /// Share of the excess error that springs and last mass must explain to be named.
