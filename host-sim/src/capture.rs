@@ -9,11 +9,13 @@
 //! is counted and skipped; the next zero byte is a new beginning. Gaps in the numbers of the control periods
 //! are counted as lost records. Memory is bounded by what is kept: the records.
 
+mod follow;
 mod frames;
 mod live;
 mod origin;
 mod parse;
 
+pub use follow::{Follower, Stretch};
 pub use frames::read_defmt;
 pub use live::Live;
 pub use origin::Origin;

@@ -12,11 +12,15 @@ mod design;
 mod drive_argument;
 mod excite;
 mod identify;
+mod interrupt;
+mod learn;
 mod moves;
 mod paper;
 mod progress;
+mod records;
 mod shell;
 mod simulate;
+mod watch;
 mod wording;
 
 use crate::error::Result;
@@ -47,6 +51,7 @@ enum Command {
     Capture(capture::CaptureCommand),
     Compare(compare::CompareCommand),
     Identify(identify::IdentifyCommand),
+    Learn(learn::LearnCommand),
     Moves(moves::MovesCommand),
     Excite(excite::ExciteCommand),
     Paper(paper::PaperCommand),
@@ -90,6 +95,7 @@ impl Cli {
             Some(Command::Capture(command)) => command.run(quiet),
             Some(Command::Compare(command)) => command.run(quiet),
             Some(Command::Identify(command)) => command.run(quiet),
+            Some(Command::Learn(command)) => command.run(quiet),
             Some(Command::Moves(command)) => command.run(quiet),
             Some(Command::Excite(command)) => command.run(quiet),
             Some(Command::Paper(command)) => command.run(quiet),

@@ -10,6 +10,7 @@
 //! standard deviation, and what the log does not determine is refused by name.
 
 mod confidence;
+mod drift;
 mod drive_file;
 mod estimate;
 mod figures;
@@ -23,6 +24,7 @@ mod settle;
 mod starts;
 mod structure;
 
+pub use drift::{Drift, drift};
 pub use drive_file::drive_file;
 pub use figures::{Figure, Unit};
 pub use frequency::{Point, model_response, response};

@@ -1,7 +1,7 @@
 //! What the user gets: tables for people, JSON for machines, CSV of every step, plots.
 //!
 //! Every figure arrives here computed; a file for each thing that is reported (`design`, `experiments`,
-//! `comparison`, `moves`, `bound`, `excitation`, `identification`, `log`, `paper`, `horizon`), `csv` for a run, `plot` for
+//! `comparison`, `moves`, `bound`, `excitation`, `identification`, `learning`, `log`, `paper`, `horizon`), `csv` for a run, `plot` for
 //! drawing.
 
 pub mod bound;
@@ -13,6 +13,7 @@ pub mod excitation;
 pub mod experiments;
 pub mod horizon;
 pub mod identification;
+pub mod learning;
 mod lines;
 pub mod log;
 pub mod moves;

@@ -9,6 +9,7 @@
 //! drive would do if it knew the motion of every mass. That is no bound: errors of an observer can happen to
 //! make a motion settle sooner.
 
+pub mod benefit;
 pub mod bound;
 pub mod corridor;
 pub mod ending;

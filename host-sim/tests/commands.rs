@@ -35,7 +35,7 @@ fn a_drive_is_named_in_one_way_everywhere() {
         assert_eq!(with(&["--drive", &drive]), positional);
         assert_eq!(with(&[&drive, "--drive", &drive]).0, 2);
     }
-    for command in ["compare", "moves", "capture", "identify"] {
+    for command in ["compare", "moves", "capture", "identify", "learn"] {
         let (code, help, _) = run(&[command, "--help"]);
         assert!(code == 0 && help.contains("--drive <DRIVE.toml>"), "{help}");
     }

@@ -1,6 +1,7 @@
 //! `host-sim capture`: the drive's log as table, CSV and plot.
 
 use super::drive_argument::DriveArgument;
+use super::interrupt::{INTERRUPTED, catch_interrupt};
 use super::progress::Progress;
 use crate::capture::{Capture, Live, Origin, read_defmt, read_text};
 use crate::design::Design;
@@ -13,7 +14,6 @@ use std::fs::File;
 use std::io::Read;
 use std::net::TcpStream;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Read the drive's log: raw defmt with --elf, else text as probe-rs prints it.
 ///
@@ -43,9 +43,6 @@ pub(super) struct CaptureCommand {
     csv: bool,
 }
 
-/// Ctrl-C was pressed: what has come so far is the log.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
 impl CaptureCommand {
     pub(super) fn run(self, quiet: bool) -> Result<()> {
         // What cannot be used is said before anything is waited for.
@@ -65,12 +62,8 @@ impl CaptureCommand {
             None => None,
             Some(address) => Some(TcpStream::connect(address).map_err(Error::read(address))?),
         };
-        ctrlc::set_handler(|| {
-            if INTERRUPTED.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-        })
-        .map_err(|error| Error::Capture(format!("Ctrl-C cannot be caught: {error}")))?;
+        // What has come by then is the log.
+        catch_interrupt()?;
         let progress = Progress::new(quiet, "log");
         let stream = progress.counting(self.stream(server)?);
         // Messages are shown as they come, the records at the end.

@@ -108,12 +108,30 @@ fn judged_by(
     Ok((checks, margins))
 }
 
+/// The checks of a design that may be run: what passes, and what warns.
+///
+/// # Errors
+/// As [`require_sound`].
+pub fn sound(design: &Design) -> Result<Vec<Check>> {
+    let checks = judged(design)?.0;
+    refusal(&checks)?;
+    Ok(checks)
+}
+
+/// Whether what is seen at a first look forbids to run a design.
+///
+/// # Errors
+/// As [`require_sound`].
+pub fn require_sound_at_first_look(design: &Design) -> Result<()> {
+    refusal(&at_first_look(design)?)
+}
+
 /// Whether a design may be run at all.
 ///
 /// # Errors
 /// [`Error::Design`] with the sentence of the first check that refuses it.
 pub fn require_sound(design: &Design) -> Result<()> {
-    refusal(&judged(design)?.0)
+    sound(design).map(drop)
 }
 
 fn refusal(checks: &[Check]) -> Result<()> {
