@@ -98,8 +98,9 @@ const LEAST_FIT: f64 = 50.0;
 /// Relative standard deviation from which a quantity counts as not known. Masses and stiffnesses: three of
 /// it are the 30 % that a design is compared over; dampings: three of it reach down to none.
 const UNKNOWN: (f64, f64) = (0.1, 1.0 / 3.0);
-/// Rows of each record that the search sees before it is sure of the structure.
-const SHORT: usize = 3000;
+/// What of each record the search sees before it is sure of the structure: rows at least, and periods of the
+/// drive file's slowest mode.
+const SHORT: (f64, f64) = (3000.0, 30.0);
 /// Correlation of innovations within some samples up to which they count as white.
 const WHITE: f64 = 0.15;
 const NEAR: usize = 10;
@@ -180,7 +181,13 @@ impl<'a> Found<'a> {
                 .unwrap_or_default(),
             _ => Vec::new(),
         };
-        let short: Vec<Log> = logs.iter().map(|log| log.beginning(SHORT)).collect();
+        let short: Vec<Log> = logs
+            .iter()
+            .map(|log| {
+                let rows = SHORT.1 * std::f64::consts::TAU / (parameters.rate() * log.period);
+                log.beginning(rows.max(SHORT.0) as usize)
+            })
+            .collect();
         let search = |parameters: &Parameters, beside: &Machine, found: Option<Machine>| {
             let mut starts = starts(parameters, beside, force, &response, period);
             starts.extend(found);

@@ -27,7 +27,7 @@ const QUANTITY_DEVIATION: f64 = 1.0;
 /// Standard deviation of the noise's logarithms before the log is seen.
 const NOISE_DEVIATION: f64 = 5.0;
 /// What of a record tells starts apart: periods of the drive file's slowest mode, and samples at most.
-const BEGINNING: (f64, f64) = (8.0, 2000.0);
+const BEGINNING: (f64, f64) = (8.0, 3000.0);
 /// Starts that are fitted more closely before they are ranked.
 const PROMISING: usize = 5;
 /// Starts that are followed to the end, as many as end within a factor of the best.
