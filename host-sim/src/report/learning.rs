@@ -91,6 +91,8 @@ fn named(quantity: Quantity) -> (String, &'static str) {
         Quantity::Coulomb => ("friction".to_owned(), "Coulomb"),
         Quantity::CoulombBackward => ("friction".to_owned(), "Coulomb backwards"),
         Quantity::Static => ("friction".to_owned(), "static"),
+        Quantity::Backlash(number) => load(number, "gap"),
+        Quantity::Ripple(_) => actuator("ripple"),
     }
 }
 
