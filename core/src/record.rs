@@ -130,7 +130,8 @@ impl Scale {
         Self {
             counter_bits: settings.encoder.counter_bits,
             step: Current(if step > 0.0 { step } else { continuous }),
-            tolerance: (settings.standstill.tolerance / settings.encoder.resolution) as u32,
+            // The cast saturates.
+            tolerance: (settings.standstill.tolerance / settings.encoder.resolution + 0.5) as u32,
         }
     }
 }
@@ -245,7 +246,7 @@ impl<'m, const RING: usize> Recorder<'m, RING> {
     /// What has been recorded.
     ///
     /// # Errors
-    /// None: it is a record.
+    /// Where control period or step are no positive numbers.
     pub fn read(&self) -> Result<Record<'_>, Unreadable> {
         self.memory.read()
     }
@@ -281,7 +282,7 @@ impl<'m, const RING: usize> Recorder<'m, RING> {
         if self.state == State::Recording {
             self.sample(count, applied);
         }
-        // Of a machine that is at rest before the next loop is closed nothing can get lost.
+        // The next loop is closed from rest alone: what is asked of it then is a move of its own.
         let over = self.state == State::Full && course == Course::Free;
         if over || self.still >= self.stood {
             self.end(0);
