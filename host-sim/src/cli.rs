@@ -15,6 +15,7 @@ mod identify;
 mod moves;
 mod paper;
 mod progress;
+mod record;
 mod shell;
 mod simulate;
 mod wording;
@@ -50,6 +51,7 @@ enum Command {
     Moves(moves::MovesCommand),
     Excite(excite::ExciteCommand),
     Paper(paper::PaperCommand),
+    Record(record::RecordCommand),
     Simulate(simulate::Simulate),
     Completions(shell::CompletionsCommand),
     Man(shell::ManCommand),
@@ -93,6 +95,7 @@ impl Cli {
             Some(Command::Moves(command)) => command.run(quiet),
             Some(Command::Excite(command)) => command.run(quiet),
             Some(Command::Paper(command)) => command.run(quiet),
+            Some(Command::Record(command)) => command.run(quiet),
             Some(Command::Simulate(command)) => command.run(quiet),
             Some(Command::Completions(command)) => command.run(),
             Some(Command::Man(command)) => command.run(quiet),
