@@ -228,16 +228,16 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
     #[must_use]
     pub fn course(&self) -> Course {
         match &self.activity {
-            Activity::Exciting(Exciting {
-                start: ExcitationStart::At(_),
-                ..
-            }) => Course::Moved,
             Activity::Running(Running {
                 memory: Some(memory),
                 ..
             }) if memory.moves.rests() => Course::Held(memory.target),
             Activity::Running(Running {
                 memory: Some(_), ..
+            })
+            | Activity::Exciting(Exciting {
+                start: ExcitationStart::At(_),
+                ..
             }) => Course::Moved,
             _ => Course::Free,
         }
