@@ -25,6 +25,7 @@ use crate::moves::{self, Moves, Reference};
 use crate::observer::{Estimate, Seen, StateObserver};
 use crate::protection::{Heat, Period, Protection, Trip};
 use crate::reaction_force::ReactionForceObserver;
+use crate::record::Course;
 use crate::regulator::Regulator;
 use crate::rest::Rest;
 use crate::settings::Settings;
@@ -221,6 +222,25 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
     #[must_use]
     pub fn mode(&self) -> Mode {
         self.activity.mode()
+    }
+
+    /// What it does with the machine from the last period on, for who records its moves.
+    #[must_use]
+    pub fn course(&self) -> Course {
+        match &self.activity {
+            Activity::Running(Running {
+                memory: Some(memory),
+                ..
+            }) if memory.moves.rests() => Course::Held(memory.target),
+            Activity::Running(Running {
+                memory: Some(_), ..
+            })
+            | Activity::Exciting(Exciting {
+                start: ExcitationStart::At(_),
+                ..
+            }) => Course::Moved,
+            _ => Course::Free,
+        }
     }
 
     /// Record of the last period.

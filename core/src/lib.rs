@@ -24,6 +24,7 @@
 //! | [`excitation`] | a current played in open loop, for identification | |
 //! | [`settings`] | all that the core knows of a drive, plain data | |
 //! | [`telemetry`] | one record per period | |
+//! | [`record`] | the last moves, kept in memory | |
 //! | [`indicator`] | vibration level for people, not for control | |
 //! | [`filter`] | the filters that the force observers are made of | |
 //! | [`theory`] | every equation as implemented, and where it departs from the print | (2) to (19) |
@@ -74,6 +75,7 @@ pub mod moves;
 pub mod observer;
 pub mod protection;
 pub mod reaction_force;
+pub mod record;
 pub mod regulator;
 mod rest;
 pub mod settings;

@@ -10,7 +10,7 @@ use arso_firmware::board::{
     AmplifierFault, Board, Capabilities, ControlTimer, CurrentOutput, CycleCounter, Encoder,
     Hardware, Inputs, Levels, RunSwitch, Watchdog,
 };
-use arso_firmware::drive::{self, Queues};
+use arso_firmware::drive::{self, LastMoves, Queues};
 use cortex_m_rt::entry;
 
 struct Blank;
@@ -82,6 +82,7 @@ impl Watchdog for Blank {
 #[entry]
 fn main() -> ! {
     static mut QUEUES: Queues = Queues::new();
+    static mut LAST_MOVES: LastMoves = LastMoves::new();
     let hardware = Hardware::<Blank> {
         timer: Blank,
         encoder: Blank,
@@ -92,7 +93,7 @@ fn main() -> ! {
         inputs: Blank,
         watchdog: Blank,
     };
-    if let Ok((mut control, mut idle)) = drive::new(hardware, QUEUES) {
+    if let Ok((mut control, mut idle)) = drive::new(hardware, QUEUES, LAST_MOVES) {
         control.period();
         idle.run();
     }

@@ -4,11 +4,12 @@ use crate::board::{
     AmplifierFault, Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs,
     RunSwitch, Watchdog,
 };
-use crate::log::Log;
+use crate::log::{self, Log};
 use crate::settings::{EXCITATION, GAINS, LOADS, Observer, PERIOD_US, PLANS};
 use crate::switches::Switches;
+use arso_core::record::{self, Recorder, Scale};
 use arso_core::{
-    Controller, Current, Fault, Measurement, Refusal, Request, SettingsError, Telemetry,
+    Controller, Counts, Current, Fault, Measurement, Refusal, Request, SettingsError, Telemetry,
 };
 use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -16,6 +17,11 @@ use heapless::spsc::{Consumer, Producer, Queue};
 const RECORDS: usize = 64;
 /// Requests that wait for the interrupt, which takes one per period, and refusals that wait for the log.
 const REQUESTS: usize = 8;
+/// Words of the ring of the last moves, which take 16 KiB in all: 4 s at 1 kHz, and of a move 2 s at most.
+const RING: usize = 4096 - record::HEADER;
+
+/// The last moves.
+pub type LastMoves = record::LastMoves<RING>;
 
 /// What goes between the control interrupt and the idle loop.
 pub struct Queues {
@@ -51,6 +57,7 @@ pub struct Control<B: Board> {
     before: Option<u32>,
     controller: Controller<'static, LOADS, Observer>,
     applied: Current,
+    recorder: Recorder<'static, RING>,
     records: Producer<'static, (Record, bool)>,
     requests: Consumer<'static, Request>,
     refusals: Producer<'static, Refusal>,
@@ -69,14 +76,19 @@ pub struct Idle<B: Board> {
 
 /// The drive on a board.
 ///
+/// * `last_moves`: where a debugger finds them
+///
 /// # Errors
 /// When the settings cannot be run.
 pub fn new<B: Board>(
     hardware: Hardware<B>,
     queues: &'static mut Queues,
+    last_moves: &'static mut LastMoves,
 ) -> Result<(Control<B>, Idle<B>), SettingsError> {
     const { crate::settings::require_fit(&B::CAPABILITIES) };
     let controller = Controller::new(&GAINS, PLANS)?.with_excitation(EXCITATION);
+    let identity = log::identity();
+    let recorder = Recorder::new(last_moves, &identity, Scale::of(&GAINS));
     let (records_in, records_out) = queues.records.split();
     let (requests_in, requests_out) = queues.requests.split();
     let (refusals_in, refusals_out) = queues.refusals.split();
@@ -90,6 +102,7 @@ pub fn new<B: Board>(
         before: None,
         controller,
         applied: Current(0.0),
+        recorder,
         records: records_in,
         requests: requests_out,
         refusals: refusals_in,
@@ -98,7 +111,7 @@ pub fn new<B: Board>(
         watchdog: hardware.watchdog,
         inputs: hardware.inputs,
         switches: Switches::default(),
-        log: Log::new(),
+        log: Log::new(identity),
         records: records_out,
         requests: requests_in,
         refusals: refusals_out,
@@ -148,6 +161,12 @@ impl<B: Board> Control<B> {
         self.applied = self.output.apply(&command);
 
         let mut record = *self.controller.telemetry();
+        self.recorder.step(
+            record.period,
+            Counts(record.count),
+            Current(record.applied_current),
+            self.controller.course(),
+        );
         record.cycles = self.cycles.now().wrapping_sub(start);
         // A full queue loses the record; its number is missing in the log, which counts that.
         let _ = self.records.enqueue((record, run));

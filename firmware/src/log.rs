@@ -29,14 +29,8 @@ pub(crate) struct Log {
 
 impl Log {
     /// Says which drive this is.
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(identity: Identity<'static>) -> Self {
         let sample_time = GAINS.sample_time;
-        let identity = Identity {
-            kind: KIND,
-            loads: LOADS as u8,
-            sample_time,
-            fingerprint: fingerprint(),
-        };
         // `capture` takes these words for a start of the drive.
         defmt::info!("drive ready: {}", Shown(&identity));
         Self {
@@ -127,6 +121,16 @@ impl Log {
             refusal.reason,
             refusal.mode
         );
+    }
+}
+
+/// Which drive this is.
+pub(crate) fn identity() -> Identity<'static> {
+    Identity {
+        kind: KIND,
+        loads: LOADS as u8,
+        sample_time: GAINS.sample_time,
+        fingerprint: fingerprint(),
     }
 }
 

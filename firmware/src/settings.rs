@@ -35,6 +35,10 @@ pub const fn require_fit(board: &Capabilities) {
         GAINS.limits.current_limit <= GAINS.amplifier.reach(board.converter_codes),
         "current_limit is beyond what the converter's codes reach on both sides of zero_code"
     );
+    assert!(
+        board.converter_codes <= 32_768,
+        "the last moves are kept in steps of the converter, 32767 either way"
+    );
     let error = GAINS.sample_time * 1e6 - PERIOD_US as f32;
     // f32 holds the period to seven figures.
     let tolerance = 1e-6 * PERIOD_US as f32;

@@ -8,17 +8,21 @@
 //! the very type that wrote it. The drive says in the same way which drive it is. A frame that does not decode
 //! is counted and skipped; the next zero byte is a new beginning. Gaps in the numbers of the control periods
 //! are counted as lost records. Memory is bounded by what is kept: the records.
+//!
+//! Of a drive whose log nobody took there are its last moves, in its memory (`record`).
 
 mod follow;
 mod frames;
 mod live;
 mod origin;
 mod parse;
+mod record;
 
 pub use follow::{Follower, Stretch};
 pub use frames::read_defmt;
 pub use live::Live;
 pub use origin::Origin;
+pub use record::{LastMoves, RecordedMove, read_memory};
 
 use crate::error::{Error, Result};
 use crate::simulate::corridor::Record;

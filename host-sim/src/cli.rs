@@ -17,6 +17,7 @@ mod learn;
 mod moves;
 mod paper;
 mod progress;
+mod record;
 mod records;
 mod shell;
 mod simulate;
@@ -55,6 +56,7 @@ enum Command {
     Moves(moves::MovesCommand),
     Excite(excite::ExciteCommand),
     Paper(paper::PaperCommand),
+    Record(record::RecordCommand),
     Simulate(simulate::Simulate),
     Completions(shell::CompletionsCommand),
     Man(shell::ManCommand),
@@ -99,6 +101,7 @@ impl Cli {
             Some(Command::Moves(command)) => command.run(quiet),
             Some(Command::Excite(command)) => command.run(quiet),
             Some(Command::Paper(command)) => command.run(quiet),
+            Some(Command::Record(command)) => command.run(quiet),
             Some(Command::Simulate(command)) => command.run(quiet),
             Some(Command::Completions(command)) => command.run(),
             Some(Command::Man(command)) => command.run(quiet),

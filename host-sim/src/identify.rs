@@ -108,6 +108,9 @@ const NEAR: usize = 10;
 /// mode.
 const FIRST: usize = 2;
 
+/// Share of the energy exchanged up to which a current has given nothing: what rounding makes of a machine
+/// without friction.
+const NOTHING: f64 = 0.01;
 /// Share of the squared error that is left where the current's sign is the other one, for the wiring to be
 /// named.
 const REVERSED: f64 = 0.5;
@@ -137,7 +140,7 @@ pub fn identify(
     };
     // Wiring is named where it explains what nothing else does.
     let reversed: Vec<Log> = logs.iter().map(Log::reversed).collect();
-    if logs.iter().all(|log| log.work < 0.0)
+    if logs.iter().all(|log| log.work < NOTHING)
         && let Ok(other) = Found::new(drive, &reversed, parameters, progress)
         && other.estimate.cost < REVERSED * found.estimate.cost
         && other.judge().is_ok()

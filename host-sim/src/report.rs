@@ -1,7 +1,8 @@
 //! What the user gets: tables for people, JSON for machines, CSV of every step, plots.
 //!
 //! Every figure arrives here computed; a file for each thing that is reported (`design`, `experiments`,
-//! `comparison`, `moves`, `bound`, `excitation`, `identification`, `learning`, `log`, `paper`, `horizon`), `csv` for a run, `plot` for
+//! `comparison`, `moves`, `bound`, `excitation`, `identification`, `learning`, `log`, `record`, `paper`,
+//! `horizon`), `csv` for a run, `plot` for
 //! drawing.
 
 pub mod bound;
@@ -19,6 +20,7 @@ pub mod log;
 pub mod moves;
 pub mod paper;
 pub mod plot;
+pub mod record;
 pub mod run;
 mod settled;
 mod table;

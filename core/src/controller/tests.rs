@@ -214,6 +214,33 @@ fn starting_holds_the_position_and_a_step_commands_the_gain() {
     assert_eq!((command.current.0, command.limited), (2.0, true));
 }
 
+/// Who records moves sees each in the period in which it begins, and no start for one.
+#[test]
+fn the_course_is_what_is_asked() {
+    let mut controller = new();
+    commission(&mut controller);
+    assert_eq!(controller.course(), Course::Free);
+    controller.request(Request::Start).unwrap();
+    controller.step(measured(0, 0.0));
+    let Course::Held(here) = controller.course() else {
+        panic!("{:?}", controller.course());
+    };
+    controller.request(Request::Move(here)).unwrap();
+    controller.step(measured(0, 0.0));
+    assert_eq!(controller.course(), Course::Held(here));
+    let there = Place(here.0 + 1000);
+    controller.request(Request::Step(there)).unwrap();
+    assert_eq!(controller.course(), Course::Held(here));
+    controller.step(measured(0, 0.0));
+    assert_eq!(controller.course(), Course::Held(there));
+    controller.request(Request::Move(here)).unwrap();
+    controller.step(measured(0, 0.0));
+    assert_eq!(controller.course(), Course::Moved);
+    controller.request(Request::Stop).unwrap();
+    controller.step(measured(0, 0.0));
+    assert_eq!(controller.course(), Course::Free);
+}
+
 #[test]
 fn faults_stop_in_the_same_period_and_stay() {
     for (count, current, fault) in [

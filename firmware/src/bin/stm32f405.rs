@@ -22,7 +22,7 @@ mod board;
 #[rtic::app(device = stm32f4xx_hal::pac)]
 mod app {
     use crate::board::{self, Stm32f405};
-    use arso_firmware::drive::{self, Control, Idle, Queues};
+    use arso_firmware::drive::{self, Control, Idle, LastMoves, Queues};
     use arso_firmware::settings::{GAINS, PERIOD_US};
 
     #[shared]
@@ -34,10 +34,10 @@ mod app {
         idle: Idle<Stm32f405>,
     }
 
-    #[init(local = [queues: Queues = Queues::new()])]
+    #[init(local = [queues: Queues = Queues::new(), last_moves: LastMoves = LastMoves::new()])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let hardware = board::start(cx.device, cx.core, PERIOD_US, GAINS.amplifier);
-        let Ok((control, idle)) = drive::new(hardware, cx.local.queues) else {
+        let Ok((control, idle)) = drive::new(hardware, cx.local.queues, cx.local.last_moves) else {
             defmt::error!("the gains of this firmware cannot be run");
             board::stop();
         };

@@ -70,6 +70,15 @@ impl Image {
             .map(|(_, address)| *address)
     }
 
+    /// Address of the symbol that has this in its name: a compiler puts more around those of statics.
+    #[must_use]
+    pub fn symbol_with(&self, part: &str) -> Option<u32> {
+        self.symbols
+            .iter()
+            .find(|(known, _)| known.contains(part))
+            .map(|(_, address)| *address)
+    }
+
     /// A word of flash.
     #[must_use]
     pub fn word(&self, address: u32) -> u32 {
