@@ -64,7 +64,8 @@ type Directions = Vec<(Vec<usize>, f64)>;
 /// How far the load is from what the drive file says.
 ///
 /// # Errors
-/// [`Error::Identification`] where the machine of the drive file has no filter.
+/// [`Error::Identification`] where the machine of the drive file has no filter, and where a changed load would not
+/// show in the record.
 pub fn drift(drive: &Drive, log: &Log) -> Result<Drift> {
     let log = &log.beginning(ROWS);
     let hold = ["actuator.force_constant".to_owned()];
@@ -153,14 +154,22 @@ pub fn drift(drive: &Drive, log: &Log) -> Result<Drift> {
             .map_or(0.0, |first| two[*first] - nominal[*first]);
         change.exp() - 1.0
     };
-    Ok(Drift {
+    let found = Drift {
         error_rms: described_square.sqrt(),
         times_least: (described_square / least).sqrt(),
         size: ((described_square - least) / mean_square(&slopes)).sqrt(),
         stiffness: change(&springs),
         last_mass: change(&last_mass),
         explained: described_square - two_square >= EXPLAINED * (described_square - least),
-    })
+    };
+    // Nothing seen is nothing wrong only where it would be seen.
+    let visible = CHANGED * mean_square(&slopes).sqrt();
+    if !found.changed() && visible < least.sqrt() {
+        return Err(Error::Identification(
+            "the motion is too small or too slow to show a changed load".into(),
+        ));
+    }
+    Ok(found)
 }
 
 fn is_friction(quantity: &Quantity) -> bool {
