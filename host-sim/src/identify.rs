@@ -295,18 +295,19 @@ impl<'a> Found<'a> {
         let (logs, parameters) = (self.logs, &self.parameters);
         let resolution = self.drive.encoder.resolution;
         let machine = estimate.machine.clone();
-        let slowest = machine.chain().modes().first().map(|mode| mode.frequency_hz);
-        let memory = slowest.map_or(MEMORY.1, |hz| {
-            (MEMORY.0 / hz / period(logs)) as usize
-        });
+        let slowest = machine
+            .chain()
+            .modes()
+            .first()
+            .map(|mode| mode.frequency_hz);
+        let memory = slowest.map_or(MEMORY.1, |hz| (MEMORY.0 / hz / period(logs)) as usize);
         let memory = memory.clamp(10, MEMORY.1);
-        let covariance =
-            Covariance::new(logs, &residuals, estimate, memory).ok_or_else(|| {
-                refused(
-                    "the log does not determine the quantities at all: some have no effect on it"
-                        .into(),
-                )
-            })?;
+        let covariance = Covariance::new(logs, &residuals, estimate, memory).ok_or_else(|| {
+            refused(
+                "the log does not determine the quantities at all: some have no effect on it"
+                    .into(),
+            )
+        })?;
         let rivals = rivals(estimate);
         let free_quantities: Vec<Quantity> = parameters.free().collect();
         let size = estimate.coordinates.len();
@@ -325,7 +326,11 @@ impl<'a> Found<'a> {
                 });
                 // Friction that is zero within its deviation may be found just below; it cannot be.
                 let value = parameters.value(&machine, *quantity);
-                let value = if quantity.signed() { value } else { value.max(0.0) };
+                let value = if quantity.signed() {
+                    value
+                } else {
+                    value.max(0.0)
+                };
                 let std = deviation * parameters.slope(&machine, *quantity);
                 let limit = match quantity {
                     Quantity::Damping(_) => UNKNOWN.1,
@@ -370,13 +375,8 @@ impl<'a> Found<'a> {
         let mut remarks = self.remarks();
         let noise = &estimate.coordinates[parameters.free().count()..];
         if quantities.iter().any(|quantity| !quantity.known) {
-            let as_well = neighbours::one_less(
-                logs,
-                force,
-                parameters,
-                (&machine, noise),
-                estimate.cost,
-            );
+            let as_well =
+                neighbours::one_less(logs, force, parameters, (&machine, noise), estimate.cost);
             remarks.push(format!(
                 "not all of its parts are known from this record, but what is given of the whole is{}",
                 if as_well {

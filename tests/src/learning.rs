@@ -86,7 +86,10 @@ pub fn error_of_the_whole(identification: &Identification, plant: &PlantFile) ->
         let number: usize = name.strip_prefix("mode ")?.parse().ok()?;
         chain.modes().get(number - 1).map(|mode| mode.frequency_hz)
     };
-    let known = identification.figures.iter().filter(|figure| figure.known());
+    let known = identification
+        .figures
+        .iter()
+        .filter(|figure| figure.known());
     known
         .filter_map(|figure| Some((figure.value / truth(&figure.name)? - 1.0).abs()))
         .fold(0.0, f64::max)
@@ -141,7 +144,9 @@ fn moved(design: &Design, plant: &PlantFile, distance: f64) -> Result<(Run, Opti
     let sequence = MoveSequence::new(design, &[distance], &[])?;
     let duration = sequence.duration();
     let (run, judged) = watched_moves(design, plant, &sequence, Law::Core, duration)?;
-    let settled = judged.first().and_then(|(_, metrics)| metrics.settling_time);
+    let settled = judged
+        .first()
+        .and_then(|(_, metrics)| metrics.settling_time);
     Ok((run, settled))
 }
 
@@ -175,10 +180,16 @@ impl Lessons {
 
     /// A share of all, sorted, those that never settle last.
     fn quantile(&self, share: f64, of: impl Fn(&Lesson) -> Option<f64>) -> f64 {
-        let mut all: Vec<f64> = self.0.iter().map(|one| of(one).unwrap_or(f64::INFINITY)).collect();
+        let mut all: Vec<f64> = self
+            .0
+            .iter()
+            .map(|one| of(one).unwrap_or(f64::INFINITY))
+            .collect();
         all.sort_by(f64::total_cmp);
         let last = all.len().saturating_sub(1);
-        all.get((share * last as f64).ceil() as usize).copied().unwrap_or(f64::NAN)
+        all.get((share * last as f64).ceil() as usize)
+            .copied()
+            .unwrap_or(f64::NAN)
     }
 
     /// Second move over the bound that 95 % of the plants keep.
@@ -190,10 +201,12 @@ impl Lessons {
 
 impl Display for Lessons {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let row = |f: &mut Formatter<'_>, name: &str, of: &dyn Fn(&Lesson) -> Option<f64>, scale: f64| {
-            let [median, most, worst] = [0.5, 0.95, 1.0].map(|share| scale * self.quantile(share, of));
-            writeln!(f, "| {name} | {median:.2} | {most:.2} | {worst:.2} |")
-        };
+        let row =
+            |f: &mut Formatter<'_>, name: &str, of: &dyn Fn(&Lesson) -> Option<f64>, scale: f64| {
+                let [median, most, worst] =
+                    [0.5, 0.95, 1.0].map(|share| scale * self.quantile(share, of));
+                writeln!(f, "| {name} | {median:.2} | {most:.2} | {worst:.2} |")
+            };
         writeln!(f, "learned: {} of {}", self.learned(), self.0.len())?;
         for one in &self.0 {
             if let Some(refused) = &one.refused {
@@ -205,7 +218,12 @@ impl Display for Lessons {
         row(f, "first move, ms", &|one| one.first, 1e3)?;
         row(f, "second move, ms", &|one| one.second, 1e3)?;
         row(f, "bound, ms", &|one| Some(one.bound), 1e3)?;
-        row(f, "second over bound", &|one| Some(one.second? / one.bound), 1.0)
+        row(
+            f,
+            "second over bound",
+            &|one| Some(one.second? / one.bound),
+            1.0,
+        )
     }
 }
 
@@ -242,7 +260,9 @@ fn rows(record: &str, mut of: impl FnMut(usize, [f64; 3]) -> Option<[f64; 3]>) -
     let mut lines = record.lines();
     let mut text = format!("{}\n", lines.next().unwrap_or_default());
     for (number, line) in lines.enumerate() {
-        let mut fields = line.split(',').map(|field| field.parse().unwrap_or(f64::NAN));
+        let mut fields = line
+            .split(',')
+            .map(|field| field.parse().unwrap_or(f64::NAN));
         let row = [(); 3].map(|()| fields.next().unwrap_or(f64::NAN));
         if let Some([time, count, current]) = of(number, row) {
             let _ = writeln!(text, "{time:.6},{count:.0},{current}");

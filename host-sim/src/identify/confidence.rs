@@ -5,10 +5,10 @@
 //! the identified machine are simulated and rounded, each from another place within a count, and the fit is
 //! taken one step from where it is towards each of them. What spreads wider counts.
 
-use super::estimate::Residuals;
-use super::settle::Estimate;
-use super::predict::simulation;
 use super::Log;
+use super::estimate::Residuals;
+use super::predict::simulation;
+use super::settle::Estimate;
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -72,8 +72,8 @@ impl Covariance {
         let (slopes, errors) = (&estimate.slopes, &estimate.errors);
         let (rows, columns) = slopes.shape();
         let inverse = inverse_of_normal(slopes)?;
-        let variance = errors.iter().map(|e| e * e).sum::<f64>()
-            / rows.saturating_sub(columns).max(1) as f64;
+        let variance =
+            errors.iter().map(|e| e * e).sum::<f64>() / rows.saturating_sub(columns).max(1) as f64;
         let scores = DMatrix::from_fn(rows, columns, |i, j| slopes[(i, j)] * errors[i]);
         let mut spread = scores.tr_mul(&scores);
         for lag in 1..=memory.min(rows - 1) {
@@ -167,7 +167,11 @@ fn rounding(
     let score = |logs: &[Log]| -> Option<DVector<f64>> {
         let mut errors = Vec::new();
         for log in logs {
-            errors.extend(residuals.prediction(log, machine, estimate.noise)?.innovations);
+            errors.extend(
+                residuals
+                    .prediction(log, machine, estimate.noise)?
+                    .innovations,
+            );
         }
         let errors = DVector::from_vec(errors);
         Some(estimate.slopes.rows(0, errors.len()).tr_mul(&errors))

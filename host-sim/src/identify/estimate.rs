@@ -83,7 +83,12 @@ impl<'a> Residuals<'a> {
     }
 
     /// What the filter makes of a log.
-    pub(super) fn prediction(&self, log: &Log, machine: &Machine, noise: Noise) -> Option<Prediction> {
+    pub(super) fn prediction(
+        &self,
+        log: &Log,
+        machine: &Machine,
+        noise: Noise,
+    ) -> Option<Prediction> {
         let gain = Gain::new(log, machine, noise, self.force)?;
         predict(log, machine, &gain)
     }
@@ -131,7 +136,10 @@ impl<'a> Residuals<'a> {
 
 /// Largest distance of two places in one coordinate.
 pub(super) fn apart(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max)
 }
 
 /// The best first, no place twice.
@@ -214,5 +222,10 @@ pub(super) fn search(
 
 /// A fit to whole records, the noise free.
 pub(super) fn closely(logs: &[Log], residuals: &Residuals<'_>, x: &[f64]) -> Fit {
-    fit(&|x: &[f64]| Some(residuals.of(logs, x)), x, TOLERANCE[2], PATIENCE)
+    fit(
+        &|x: &[f64]| Some(residuals.of(logs, x)),
+        x,
+        TOLERANCE[2],
+        PATIENCE,
+    )
 }

@@ -119,7 +119,12 @@ pub fn response(log: &Log) -> Vec<Point> {
 #[must_use]
 pub fn model_response(chain: &Chain, omega: f64, period: f64) -> C {
     let s = C::new(0.0, omega);
-    let ground = chain.ground.iter().rev().copied().chain(std::iter::repeat(0.0));
+    let ground = chain
+        .ground
+        .iter()
+        .rev()
+        .copied()
+        .chain(std::iter::repeat(0.0));
     let masses = chain.mass.iter().rev().zip(ground);
     let springs = chain.stiffness.iter().zip(&chain.damping).rev();
     let mut force = C::from(0.0);

@@ -99,10 +99,15 @@ fn parted(machine: &Machine, load: usize, spring: f64) -> Machine {
     let half = 0.5 * chain.mass[load + 1];
     chain.mass[load + 1] = half;
     chain.mass.insert(load + 2, half);
-    chain.stiffness.insert(load + 1, spring * chain.stiffness[load]);
+    chain
+        .stiffness
+        .insert(load + 1, spring * chain.stiffness[load]);
     chain.damping.insert(load + 1, chain.damping[load]);
     chain.ground.insert(load + 1, 0.0);
-    parted.mechanics.friction.insert(load + 2, Default::default());
+    parted
+        .mechanics
+        .friction
+        .insert(load + 2, Default::default());
     parted.backlash.insert(load + 1, 0.0);
     parted
 }

@@ -250,7 +250,10 @@ fn stated(drive: &Drive, loads: usize) -> Vec<Quantity> {
             result.push(quantity);
         }
     };
-    add(friction.coulomb_backward.is_some(), Quantity::CoulombBackward);
+    add(
+        friction.coulomb_backward.is_some(),
+        Quantity::CoulombBackward,
+    );
     add(friction.breakaway > 0.0, Quantity::Static);
     for (number, load) in drive.loads.iter().take(loads).enumerate() {
         add(load.viscous > 0.0, Quantity::LoadViscous(number));

@@ -104,7 +104,10 @@ impl Gain {
             longest = LONGEST.1;
             let scale = force / log.resolution;
             for mass in 0..n / 2 {
-                let stretched = chain.stiffness.get(mass.max(1) - 1).map_or(0.0, |k| scale / k);
+                let stretched = chain
+                    .stiffness
+                    .get(mass.max(1) - 1)
+                    .map_or(0.0, |k| scale / k);
                 if mass > 0 {
                     for other in mass..n / 2 {
                         // What stretches a spring moves all behind it.
@@ -112,7 +115,8 @@ impl Gain {
                     }
                 }
                 let fast = 0.2 * velocity(log) / log.resolution
-                    + stretched * (chain.stiffness.first().unwrap_or(&0.0) / chain.mass[mass]).sqrt();
+                    + stretched
+                        * (chain.stiffness.first().unwrap_or(&0.0) / chain.mass[mass]).sqrt();
                 at_start[(2 * mass + 1, 2 * mass + 1)] = fast * fast + 1.0;
             }
         }
@@ -202,13 +206,19 @@ impl<'a> Beside<'a> {
 
     /// Of the motor's force over an interval between two measured positions, N.
     fn force(&self, from: f64, to: f64) -> f64 {
-        let cogging = self.machine.ripple.filter(|r| r.kind == RippleKind::Cogging);
+        let cogging = self
+            .machine
+            .ripple
+            .filter(|r| r.kind == RippleKind::Cogging);
         cogging.map_or(0.0, |ripple| ripple.at(0.5 * (from + to))) - self.machine.holding_force
     }
 
     /// By how much the encoder errs at a position that it shows, m.
     fn error(&self, position: f64) -> f64 {
-        let off_axis = self.machine.ripple.filter(|r| r.kind == RippleKind::Eccentricity);
+        let off_axis = self
+            .machine
+            .ripple
+            .filter(|r| r.kind == RippleKind::Eccentricity);
         off_axis.map_or(0.0, |ripple| ripple.at(position))
     }
 
@@ -251,7 +261,11 @@ pub(super) fn predict(log: &Log, machine: &Machine, gain: &Gain) -> Option<Predi
     let mut wanders = Vec::with_capacity(log.current.len());
     let mut run = gain.start.iter();
     let beside = Beside::new(machine, log.period);
-    let rows = log.current.iter().zip(&log.parts).zip(log.position.windows(2));
+    let rows = log
+        .current
+        .iter()
+        .zip(&log.parts)
+        .zip(log.position.windows(2));
     for ((current, parts), position) in rows {
         let force = beside.force(position[0], position[1]);
         let force = machine.chain().force_constant * current + force;

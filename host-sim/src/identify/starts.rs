@@ -51,7 +51,8 @@ pub(super) fn starts(
             friction.backward += coulomb - friction.forward;
             friction.forward = *coulomb;
             if parameters.experiment() == Experiment::Excitation {
-                for (spring, stiffness) in machine.mechanics.chain.stiffness.iter_mut().enumerate() {
+                for (spring, stiffness) in machine.mechanics.chain.stiffness.iter_mut().enumerate()
+                {
                     if free(Quantity::Stiffness(spring)) {
                         *stiffness *= factor;
                     }

@@ -59,7 +59,11 @@ pub(super) fn extended(logs: &[Log], force: f64, structure: &Structure) -> Optio
     let worth = (WORTH * variance).max(SHARE * 2.0 * best.cost);
     let orthogonal = Orthogonal::to(&slopes)?;
 
-    let mut trials: Vec<Trial> = parameters.extensions().into_iter().map(Trial::One).collect();
+    let mut trials: Vec<Trial> = parameters
+        .extensions()
+        .into_iter()
+        .map(Trial::One)
+        .collect();
     if parameters.start().ripple.is_none() {
         let pitches = pitches(logs);
         for kind in [RippleKind::Cogging, RippleKind::Eccentricity] {
@@ -173,7 +177,9 @@ fn pitches(logs: &[Log]) -> Vec<f64> {
         (low.min(x), high.max(x))
     });
     let steps = logs.iter().flat_map(|log| log.position.windows(2));
-    let fastest = steps.map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+    let fastest = steps
+        .map(|pair| (pair[1] - pair[0]).abs())
+        .fold(0.0, f64::max);
     let (shortest, longest) = (ROWS * fastest, (high - low) * LONGEST);
     let mut pitches = vec![longest];
     while let Some(last) = pitches.last()
@@ -194,7 +200,10 @@ impl Orthogonal {
     /// None where the columns are none.
     fn to(columns: &DMatrix<f64>) -> Option<Self> {
         let basis = columns.clone().qr().q();
-        basis.iter().all(|x| x.is_finite()).then_some(Self { basis })
+        basis
+            .iter()
+            .all(|x| x.is_finite())
+            .then_some(Self { basis })
     }
 
     fn part_of(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {

@@ -127,7 +127,10 @@ pub fn table(drive: &Drive, identification: &Identification) -> String {
     whole.set_header(["of the whole", "value", "+- 3 sigma", "unit"]);
     for figure in &identification.figures {
         let [value, deviation] = if figure.known() {
-            [significant(figure.value, 6), format!("{:.2e}", 3.0 * figure.std)]
+            [
+                significant(figure.value, 6),
+                format!("{:.2e}", 3.0 * figure.std),
+            ]
         } else {
             [NOT_KNOWN.into(), String::new()]
         };

@@ -41,16 +41,19 @@ fn main() -> ExitCode {
 fn run(cli: &Cli) -> Result<bool> {
     let text = match &cli.drive {
         None => DEFAULT_DRIVE.to_owned(),
-        Some(path) => {
-            std::fs::read_to_string(path).map_err(host_sim::error::Error::read(path))?
-        }
+        Some(path) => std::fs::read_to_string(path).map_err(host_sim::error::Error::read(path))?,
     };
     let drive = Drive::load(cli.drive.as_deref())?;
     let design = Design::new(&drive)?;
     println!("seed {}", cli.seed);
     let mut passed = true;
     if cli.plants > 0 {
-        let all = lessons(&design, &text, &wide(&drive, cli.plants, cli.seed), cli.distance)?;
+        let all = lessons(
+            &design,
+            &text,
+            &wide(&drive, cli.plants, cli.seed),
+            cli.distance,
+        )?;
         print!("{all}");
         passed &= all.learned() == cli.plants;
     }
