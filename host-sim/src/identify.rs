@@ -20,6 +20,7 @@ mod log;
 mod neighbours;
 mod parameters;
 mod predict;
+mod remarks;
 mod settle;
 mod starts;
 mod structure;
@@ -33,12 +34,12 @@ pub use parameters::{Experiment, Machine, Parameters, Quantity, Ripple, RippleKi
 
 use crate::drive::Drive;
 use crate::error::{Error, Result};
-use crate::machine::Units;
 use crate::output::{Progress, significant};
-use confidence::{Covariance, correlation, rivals};
+use confidence::{Covariance, Rival, correlation, rivals};
 use estimate::{Residuals, search};
 use nalgebra::DVector;
 use predict::simulation;
+use remarks::{common_factor, ripple};
 use settle::{Estimate, settle};
 use starts::starts;
 use structure::{Structure, extended};
@@ -287,6 +288,76 @@ impl<'a> Found<'a> {
         remarks
     }
 
+    /// That not all of its parts are known, in words.
+    fn not_known(&self, quantities: &[Identified]) -> Option<String> {
+        if quantities.iter().all(|quantity| quantity.known) {
+            return None;
+        }
+        let estimate = &self.estimate;
+        let noise = &estimate.coordinates[self.parameters.free().count()..];
+        let as_well = neighbours::one_less(
+            self.logs,
+            self.drive.actuator.largest_force(),
+            &self.parameters,
+            (&estimate.machine, noise),
+            estimate.cost,
+        );
+        let fewer = if as_well {
+            format!(
+                "; a machine with {} loads explains the record as well",
+                self.drive.loads.len() - 1
+            )
+        } else {
+            String::new()
+        };
+        Some(format!(
+            "not all of its parts are known from this record, but what is given of the whole is{fewer}"
+        ))
+    }
+
+    /// Every quantity with what is known of it.
+    fn quantities(&self, covariance: &Covariance, rivals: &[Rival]) -> Vec<Identified> {
+        let (parameters, estimate) = (&self.parameters, &self.estimate);
+        let machine = &estimate.machine;
+        let free_quantities: Vec<Quantity> = parameters.free().collect();
+        let size = estimate.coordinates.len();
+        parameters
+            .all
+            .iter()
+            .filter(|(quantity, _)| quantity.of_a_drive())
+            .map(|(quantity, held)| {
+                let index = free_quantities.iter().position(|free| free == quantity);
+                let deviation = index.map_or(0.0, |i| {
+                    let distances = rivals.iter().map(|rival| {
+                        let distance = rival.coordinates[i] - estimate.coordinates[i];
+                        (distance.abs(), rival.likelihood)
+                    });
+                    covariance.deviation(&unit(size, i), distances)
+                });
+                // Friction that is zero within its deviation may be found just below; it cannot be.
+                let value = parameters.value(machine, *quantity);
+                let value = if quantity.signed() {
+                    value
+                } else {
+                    value.max(0.0)
+                };
+                let std = deviation * parameters.slope(machine, *quantity);
+                let limit = match quantity {
+                    Quantity::Damping(_) => UNKNOWN.1,
+                    _ => UNKNOWN.0,
+                };
+                Identified {
+                    quantity: *quantity,
+                    value,
+                    std,
+                    held: *held,
+                    known: *held || !quantity.positive() || std <= limit * value,
+                    before: parameters.value(parameters.start(), *quantity),
+                }
+            })
+            .collect()
+    }
+
     /// What is known at the end of a search.
     fn judge(&self) -> Result<Identification> {
         let (estimate, force) = (&self.estimate, self.drive.actuator.largest_force());
@@ -309,43 +380,7 @@ impl<'a> Found<'a> {
             )
         })?;
         let rivals = rivals(estimate);
-        let free_quantities: Vec<Quantity> = parameters.free().collect();
-        let size = estimate.coordinates.len();
-        let quantities: Vec<Identified> = parameters
-            .all
-            .iter()
-            .filter(|(quantity, _)| quantity.of_a_drive())
-            .map(|(quantity, held)| {
-                let index = free_quantities.iter().position(|free| free == quantity);
-                let deviation = index.map_or(0.0, |i| {
-                    let distances = rivals.iter().map(|rival| {
-                        let distance = rival.coordinates[i] - estimate.coordinates[i];
-                        (distance.abs(), rival.likelihood)
-                    });
-                    covariance.deviation(&unit(size, i), distances)
-                });
-                // Friction that is zero within its deviation may be found just below; it cannot be.
-                let value = parameters.value(&machine, *quantity);
-                let value = if quantity.signed() {
-                    value
-                } else {
-                    value.max(0.0)
-                };
-                let std = deviation * parameters.slope(&machine, *quantity);
-                let limit = match quantity {
-                    Quantity::Damping(_) => UNKNOWN.1,
-                    _ => UNKNOWN.0,
-                };
-                Identified {
-                    quantity: *quantity,
-                    value,
-                    std,
-                    held: *held,
-                    known: *held || !quantity.positive() || std <= limit * value,
-                    before: parameters.value(parameters.start(), *quantity),
-                }
-            })
-            .collect();
+        let quantities = self.quantities(&covariance, &rivals);
         let figures = figures::figures(parameters, &estimate.coordinates, &covariance, &rivals);
         if let Some(figure) = figures.iter().take(FIRST).find(|figure| !figure.known()) {
             return Err(refused(format!(
@@ -373,22 +408,7 @@ impl<'a> Found<'a> {
             )));
         }
         let mut remarks = self.remarks();
-        let noise = &estimate.coordinates[parameters.free().count()..];
-        if quantities.iter().any(|quantity| !quantity.known) {
-            let as_well =
-                neighbours::one_less(logs, force, parameters, (&machine, noise), estimate.cost);
-            remarks.push(format!(
-                "not all of its parts are known from this record, but what is given of the whole is{}",
-                if as_well {
-                    format!(
-                        "; a machine with {} loads explains the record as well",
-                        self.drive.loads.len() - 1
-                    )
-                } else {
-                    String::new()
-                }
-            ));
-        }
+        remarks.extend(self.not_known(&quantities));
         remarks.extend(common_factor(&quantities));
         let periods: usize = logs.iter().map(|log| log.current.len()).sum();
         let innovations = &estimate.errors[..periods];
@@ -408,75 +428,6 @@ impl<'a> Found<'a> {
             innovations: innovations.iter().map(|e| e * resolution).collect(),
             response: self.response.clone(),
         })
-    }
-}
-
-/// Factors that are a mistake of units, and which.
-const MISTAKES: [(f64, &str); 6] = [
-    (std::f64::consts::TAU, "turns for radians"),
-    (57.296, "degrees for radians"),
-    (4.0, "lines for counts after x4 decoding"),
-    (10.0, "a factor of ten"),
-    (1000.0, "millimetres for metres"),
-    (9.81, "kilograms for newtons"),
-];
-
-/// One factor by which all masses and springs are off, in words.
-fn common_factor(quantities: &[Identified]) -> Option<String> {
-    let ratios: Vec<f64> = quantities
-        .iter()
-        .filter(|q| q.known && !q.held)
-        .filter(|q| {
-            matches!(
-                q.quantity,
-                Quantity::ActuatorMass | Quantity::Mass(_) | Quantity::Stiffness(_)
-            )
-        })
-        .map(|q| (q.value / q.before).ln())
-        .collect();
-    let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
-    let alike = ratios.len() >= 3 && ratios.iter().all(|ratio| (ratio - mean).abs() < ALIKE);
-    if !alike || mean.abs() < FACTOR.ln() {
-        return None;
-    }
-    let factor = mean.exp();
-    let likely = MISTAKES
-        .iter()
-        .find(|(mistake, _)| (mean.abs() - mistake.ln()).abs() < 0.5 * ALIKE)
-        .map_or_else(String::new, |(_, what)| format!(" ({what}?)"));
-    Some(format!(
-        "all masses and springs are about {} times those of the drive file: look at encoder.resolution and \
-         actuator.force_constant{likely}",
-        significant(factor, 3)
-    ))
-}
-
-/// How far logarithms of ratios may be apart to be one factor, and the least factor that is none of wear.
-const ALIKE: f64 = 0.35;
-const FACTOR: f64 = 2.0;
-
-/// What goes with the position, in words.
-fn ripple(machine: &Machine, units: &Units) -> String {
-    let Some(ripple) = machine.ripple else {
-        return String::new();
-    };
-    let every = format!(
-        "every {} {}",
-        significant(1e3 * ripple.pitch, 3),
-        units.milli_position
-    );
-    match ripple.kind {
-        RippleKind::Cogging => format!(
-            "a force of {} {} repeats itself {every} (cogging): it is taken out of what is identified",
-            significant(ripple.amplitude(), 3),
-            units.force,
-        ),
-        RippleKind::Eccentricity => format!(
-            "the encoder errs by {} {} and repeats that {every} (off its axis, or a scale of its own): it is \
-             taken out of what is identified",
-            significant(1e6 * ripple.amplitude(), 3),
-            units.micro_position,
-        ),
     }
 }
 

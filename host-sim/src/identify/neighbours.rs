@@ -8,6 +8,7 @@ use super::estimate::{Residuals, closely};
 use super::parameters::Machine;
 use super::{Log, Parameters, Quantity};
 use crate::drive::MAX_LOADS;
+use crate::machine::DryFriction;
 use rayon::prelude::*;
 
 /// Share of the squared errors that is left with one load more, for it to be named.
@@ -107,7 +108,7 @@ fn parted(machine: &Machine, load: usize, spring: f64) -> Machine {
     parted
         .mechanics
         .friction
-        .insert(load + 2, Default::default());
+        .insert(load + 2, DryFriction::default());
     parted.backlash.insert(load + 1, 0.0);
     parted
 }

@@ -141,11 +141,8 @@ pub fn table(drive: &Drive, identification: &Identification) -> String {
             Cell::new(unit(figure.unit, units)),
         ]);
     }
-    let remarks: String = identification
-        .remarks
-        .iter()
-        .map(|remark| format!("{remark}\n"))
-        .collect();
+    let remarks = identification.remarks.iter();
+    let remarks = remarks.fold(String::new(), |text, remark| text + remark + "\n");
     format!(
         "{table}\n{whole}\n{remarks}fit: {:.2} % of the motion above half of the slowest mode, simulated from the current \
          alone\n{left_out}",
