@@ -410,7 +410,12 @@ impl Parameters {
             Quantity::CoulombBackward,
             Quantity::Static,
         ];
-        for load in 0..self.start.chain().loads() {
+        // Loads that hardly swing are not what is asked for.
+        let loads = match self.experiment {
+            Experiment::Excitation => self.start.chain().loads(),
+            Experiment::Free | Experiment::Slow => 0,
+        };
+        for load in 0..loads {
             result.extend([
                 Quantity::LoadViscous(load),
                 Quantity::LoadCoulomb(load),

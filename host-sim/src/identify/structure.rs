@@ -8,14 +8,14 @@
 use super::estimate::{Residuals, closely};
 use super::least_squares::{Fit, jacobian};
 use super::parameters::{RippleKind, RipplePart};
-use super::{Log, Parameters, Quantity};
+use super::{Experiment, Log, Parameters, Quantity};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Chi square that one thing more must be expected to take away, and then take away.
 const WORTH: f64 = 40.0;
 /// The same as a share of all.
-const SHARE: f64 = 0.01;
+const SHARE: f64 = 0.03;
 /// How much of a thing is tried, in coordinates.
 const LITTLE: f64 = 0.05;
 /// Things that are fitted of those that may be worth it.
@@ -64,7 +64,8 @@ pub(super) fn extended(logs: &[Log], force: f64, structure: &Structure) -> Optio
         .into_iter()
         .map(Trial::One)
         .collect();
-    if parameters.start().ripple.is_none() {
+    let whole = parameters.experiment() == Experiment::Excitation;
+    if whole && parameters.start().ripple.is_none() {
         let pitches = pitches(logs);
         for kind in [RippleKind::Cogging, RippleKind::Eccentricity] {
             trials.extend(pitches.iter().map(|pitch| Trial::Ripple(kind, *pitch)));
