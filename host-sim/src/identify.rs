@@ -215,8 +215,16 @@ impl<'a> Found<'a> {
             structure.ends = search(&structure.parameters, &found, Some(found.clone()))?;
         }
         progress(3, 4, "until nothing moves");
-        let residuals = Residuals::new(force, period, &structure.parameters);
-        let estimate = settle(logs, &structure.parameters, &residuals, structure.ends)?;
+        let estimate = loop {
+            let residuals = Residuals::new(force, period, &structure.parameters);
+            let ends = structure.ends.clone();
+            let estimate = settle(logs, &structure.parameters, &residuals, ends)?;
+            // What was taken in while the rest was still wrong may turn out to be nothing.
+            match structure.without_nothing(&estimate) {
+                Some(less) => structure = less,
+                None => break estimate,
+            }
+        };
         Ok(Self {
             drive,
             logs,

@@ -377,6 +377,13 @@ impl Parameters {
         more
     }
 
+    /// The same without a quantity.
+    pub(super) fn without(&self, quantity: Quantity) -> Self {
+        let mut less = self.clone();
+        less.all.retain(|(other, _)| *other != quantity);
+        less
+    }
+
     /// The same of another machine, with its number of loads, all of whose parts are free.
     pub(super) fn around(&self, machine: Machine) -> Self {
         Self {

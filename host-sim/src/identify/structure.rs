@@ -5,9 +5,11 @@
 //! that the quantities in the fit could do about it. The one that would explain most is taken into the fit, if
 //! that then errs less by far, and the others are tried again.
 
+use super::confidence::white;
 use super::estimate::{Residuals, closely};
 use super::least_squares::{Fit, jacobian};
 use super::parameters::{RippleKind, RipplePart};
+use super::settle::Estimate;
 use super::{Experiment, Log, Parameters, Quantity};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -16,6 +18,8 @@ use rayon::prelude::*;
 const WORTH: f64 = 40.0;
 /// The same as a share of all.
 const SHARE: f64 = 0.03;
+/// Standard deviations that a thing must be away from none to be kept.
+const SIGNIFICANT: f64 = 4.0;
 /// How much of a thing is tried, in coordinates.
 const LITTLE: f64 = 0.05;
 /// Things that are fitted of those that may be worth it.
@@ -38,6 +42,37 @@ pub(super) struct Structure {
     pub(super) ends: Vec<Fit>,
     /// What was added to what every machine has.
     pub(super) added: Vec<Quantity>,
+}
+
+impl Structure {
+    /// The same without what an estimate has none of; none where there is no such thing.
+    pub(super) fn without_nothing(&self, estimate: &Estimate) -> Option<Self> {
+        let spread = white(&estimate.slopes, estimate.cost)?;
+        let (position, quantity) = self.added.iter().find_map(|quantity| {
+            let position = self.parameters.free().position(|free| free == *quantity)?;
+            let nothing = self.parameters.coordinates(self.parameters.start())[position];
+            let amount = estimate.coordinates[position] - nothing;
+            let amount = if quantity.signed() {
+                amount.abs()
+            } else {
+                amount
+            };
+            let little = SIGNIFICANT * spread[(position, position)].sqrt();
+            let single = !matches!(quantity, Quantity::Ripple(_));
+            (single && amount < little).then_some((position, *quantity))
+        })?;
+        let mut coordinates = estimate.coordinates.clone();
+        coordinates.remove(position);
+        let added = self.added.iter().filter(|added| **added != quantity);
+        Some(Self {
+            parameters: self.parameters.without(quantity),
+            ends: vec![Fit {
+                coordinates,
+                cost: estimate.cost,
+            }],
+            added: added.copied().collect(),
+        })
+    }
 }
 
 /// One thing more; none where none is worth it.
