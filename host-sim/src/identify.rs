@@ -1,13 +1,14 @@
 //! Identification: from a log of current and encoder to the masses, springs and friction behind it.
 //!
 //! ```text
-//! CSV --log--> record --starts--> machines --estimate--> the one that predicts it best
-//!                                              --confidence, figures--> intervals, modes, what is not known
+//! files --log--> records --starts--> machines --estimate--> the best of them --structure--> what else there is
+//!       --settle--> until nothing moves --confidence, figures--> intervals, modes, what is not known
+//!       --neighbours--> is the number of loads right?          --remarks--> words
 //! ```
 //!
 //! Current and encoder determine ratios to the force constant only, so something must be held: the force
 //! constant, unless the user holds something else. Everything else is free. Every figure comes with its
-//! standard deviation, and what the log does not determine is refused by name.
+//! standard deviation; what the records do not determine is not given.
 
 mod confidence;
 mod drift;
