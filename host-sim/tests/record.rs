@@ -28,7 +28,9 @@ fn memory() -> Vec<u8> {
             Course::Free
         };
         let applied = Current(if tick == 1 { 0.123 } else { 0.0 });
-        recorder.step(period, Counts(period), applied, course);
+        // It moves for 100 periods, and stands.
+        let count = period / 400 * 100 + tick.min(100);
+        recorder.step(period, Counts(count), applied, course);
     }
     memory.words().flat_map(u32::to_le_bytes).collect()
 }
@@ -59,7 +61,7 @@ fn moves_are_listed_and_written() {
     );
     assert_eq!(record(&memory(), &["--quiet"]).1, "");
 
-    for (arguments, first) in [(&["--csv"][..], 400), (&["--csv", "--move", "1"], 0)] {
+    for (arguments, first) in [(&["--csv"][..], 100), (&["--csv", "--move", "1"], 0)] {
         let (code, csv, _) = record(&memory(), arguments);
         let rows: Vec<&str> = csv.lines().take(3).collect();
         let expected = [

@@ -13,14 +13,14 @@ use rayon::prelude::*;
 /// Tolerance of the fits from where one ended.
 const TOLERANCE: f64 = 1e-10;
 /// Evaluations per coordinate after which one is given up.
-const PATIENCE: usize = 10;
+const PATIENCE: usize = 3;
 /// How far the last fit may move, in standard deviations, and how often one is tried.
-const STILL: (f64, usize) = (0.05, 8);
+const STILL: (f64, usize) = (0.05, 5);
 /// How far a start beside the result is put along what is known least: standard deviations, but in
 /// coordinates at least and at most.
 const BESIDE: (f64, f64, f64) = (5.0, 0.03, 0.3);
 /// How often the search may move on to a better end.
-const MOVES: usize = 4;
+const MOVES: usize = 3;
 /// Chi square by which an end must be better to be another.
 const BETTER: f64 = 0.1;
 
