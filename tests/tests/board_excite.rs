@@ -355,7 +355,7 @@ fn the_machine_is_identified_from_the_boards_log() {
     let log = Log::parse(&csv[..], "log.csv", &drive, &Columns::default()).unwrap();
     let hold = ["actuator.force_constant".to_owned()];
     let parameters = Parameters::new(&drive, Experiment::Excitation, &hold).unwrap();
-    let found = identify(&drive, &log, &parameters, &unwatched)
+    let found = identify(&drive, &[log], &parameters, &unwatched)
         .unwrap()
         .quantities;
     for (name, truth) in [
