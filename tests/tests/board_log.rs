@@ -74,7 +74,7 @@ fn every_control_step_is_in_the_log() {
         let code = 2048.0 + (f64::from(record.command) / 1e-3).round();
         assert_eq!(period.code, Some(code as u16));
         // Cycles as the drive itself measures them, without entry and exit of the interrupt.
-        assert!((500..3000).contains(&record.cycles));
+        assert!((500..4000).contains(&record.cycles), "{}", record.cycles);
     }
 
     // Every estimate, to the last bit, is that of the core on this machine.
