@@ -38,10 +38,11 @@ use crate::error::{Error, Result};
 use crate::output::{Progress, significant};
 use confidence::{Covariance, Rival, correlation, rivals};
 use estimate::{Residuals, search};
+use log::{intervals, period};
 use nalgebra::DVector;
 use predict::simulation;
 use remarks::{common_factor, ripple};
-use settle::{Estimate, settle};
+use settle::{Estimate, settle, undetermined};
 use starts::starts;
 use structure::{Structure, extended};
 
@@ -176,8 +177,6 @@ impl<'a> Found<'a> {
         parameters: &Parameters,
         progress: &Progress<'_>,
     ) -> Result<Self> {
-        let force = drive.actuator.largest_force();
-        let period = period(logs);
         let response = match parameters.experiment() {
             Experiment::Excitation => logs
                 .iter()
@@ -189,14 +188,14 @@ impl<'a> Found<'a> {
         let short: Vec<Log> = logs
             .iter()
             .map(|log| {
-                let rows = SHORT.1 * std::f64::consts::TAU / (parameters.rate() * log.period);
+                let rows = parameters.rows(SHORT.1, log.period);
                 log.beginning(rows.max(SHORT.0) as usize)
             })
             .collect();
         let search = |parameters: &Parameters, beside: &Machine, found: Option<Machine>| {
-            let mut starts = starts(parameters, beside, force, &response, period);
+            let mut starts = starts(parameters, beside, &response, period(logs));
             starts.extend(found);
-            let residuals = Residuals::new(force, period, parameters);
+            let residuals = Residuals::new(&short, parameters);
             search(&short, parameters, &residuals, &starts, progress)
         };
         let mut structure = Structure {
@@ -206,7 +205,7 @@ impl<'a> Found<'a> {
         };
         progress(2, 4, "what else there is");
         // What is taken in moves everything else: the search begins again.
-        while let Some(more) = extended(&short, force, &structure) {
+        while let Some(more) = extended(&short, &structure) {
             structure = more;
             let Some(end) = structure.ends.first() else {
                 break;
@@ -217,7 +216,7 @@ impl<'a> Found<'a> {
         }
         progress(3, 4, "until nothing moves");
         let estimate = loop {
-            let residuals = Residuals::new(force, period, &structure.parameters);
+            let residuals = Residuals::new(logs, &structure.parameters);
             let ends = structure.ends.clone();
             let estimate = settle(logs, &structure.parameters, &residuals, ends)?;
             // What was taken in while the rest was still wrong may turn out to be nothing.
@@ -247,16 +246,7 @@ impl<'a> Found<'a> {
         if self.parameters.experiment() != Experiment::Excitation || !coloured {
             return Ok(());
         }
-        let force = self.drive.actuator.largest_force();
-        let estimate = &self.estimate;
-        let noise = &estimate.coordinates[self.parameters.free().count()..];
-        let more = neighbours::one_more(
-            self.logs,
-            force,
-            &self.parameters,
-            (&estimate.machine, noise),
-            estimate.cost,
-        );
+        let more = neighbours::one_more(self.logs, &self.parameters, &self.estimate);
         let Some(left) = more else {
             return Ok(());
         };
@@ -302,15 +292,7 @@ impl<'a> Found<'a> {
         if quantities.iter().all(|quantity| quantity.known) {
             return None;
         }
-        let estimate = &self.estimate;
-        let noise = &estimate.coordinates[self.parameters.free().count()..];
-        let as_well = neighbours::one_less(
-            self.logs,
-            self.drive.actuator.largest_force(),
-            &self.parameters,
-            (&estimate.machine, noise),
-            estimate.cost,
-        );
+        let as_well = neighbours::one_less(self.logs, &self.parameters, &self.estimate);
         let fewer = if as_well {
             format!(
                 "; a machine with {} loads explains the record as well",
@@ -369,10 +351,9 @@ impl<'a> Found<'a> {
 
     /// What is known at the end of a search.
     fn judge(&self) -> Result<Identification> {
-        let (estimate, force) = (&self.estimate, self.drive.actuator.largest_force());
-        let residuals = Residuals::new(force, period(self.logs), &self.parameters);
         let refused = |message: String| Error::Identification(message);
-        let (logs, parameters) = (self.logs, &self.parameters);
+        let (logs, parameters, estimate) = (self.logs, &self.parameters, &self.estimate);
+        let residuals = Residuals::new(logs, parameters);
         let resolution = self.drive.encoder.resolution;
         let machine = estimate.machine.clone();
         let slowest = machine
@@ -382,12 +363,8 @@ impl<'a> Found<'a> {
             .map(|mode| mode.frequency_hz);
         let memory = slowest.map_or(MEMORY.1, |hz| (MEMORY.0 / hz / period(logs)) as usize);
         let memory = memory.clamp(10, MEMORY.1);
-        let covariance = Covariance::new(logs, &residuals, estimate, memory).ok_or_else(|| {
-            refused(
-                "the log does not determine the quantities at all: some have no effect on it"
-                    .into(),
-            )
-        })?;
+        let covariance =
+            Covariance::new(logs, &residuals, estimate, memory).ok_or_else(undetermined)?;
         let rivals = rivals(estimate);
         let quantities = self.quantities(&covariance, &rivals);
         let figures = figures::figures(parameters, &estimate.coordinates, &covariance, &rivals);
@@ -419,7 +396,7 @@ impl<'a> Found<'a> {
         let mut remarks = self.remarks();
         remarks.extend(self.not_known(&quantities));
         remarks.extend(common_factor(&quantities));
-        let periods: usize = logs.iter().map(|log| log.current.len()).sum();
+        let periods = intervals(logs);
         let innovations = &estimate.errors[..periods];
         let square: f64 = innovations.iter().map(|error| error * error).sum();
         Ok(Identification {
@@ -438,11 +415,6 @@ impl<'a> Found<'a> {
             response: self.response.clone(),
         })
     }
-}
-
-/// Period of the records, s.
-fn period(logs: &[Log]) -> f64 {
-    logs.first().map_or(1.0, |log| log.period)
 }
 
 /// A slope that is one coordinate.

@@ -5,6 +5,7 @@ mod common;
 use arso_core::{Fault, Mode, Telemetry};
 use common::{host_sim, ran};
 use std::fs;
+use std::path::{Path, PathBuf};
 
 const DRIVE: &str = include_str!("../drive.toml");
 
@@ -510,19 +511,18 @@ fn drives_without_the_needed_tables_say_so() {
     assert_eq!((code, error.as_str()), (0, ""));
 }
 
+/// The default drive's file with one thing changed, and where its gains are to go.
+fn changed(directory: &Path, from: &str, to: &str) -> (PathBuf, PathBuf) {
+    let path = directory.join("drive.toml");
+    fs::write(&path, DRIVE.replace(from, to)).unwrap();
+    (path, directory.join("gains.rs"))
+}
+
 /// A design that a check refuses is shown, but not written, and is a failed run.
 #[test]
 fn a_refused_design_is_not_written() {
     let directory = tempfile::tempdir().unwrap();
-    let (path, gains) = (
-        directory.path().join("drive.toml"),
-        directory.path().join("gains.rs"),
-    );
-    fs::write(
-        &path,
-        DRIVE.replace("resolution = 1e-6 ", "resolution = 1e-3 "),
-    )
-    .unwrap();
+    let (path, gains) = changed(directory.path(), "resolution = 1e-6 ", "resolution = 1e-3 ");
     let (path, rust) = (path.to_str().unwrap(), gains.to_str().unwrap());
     let (code, text, error) = run(&["design", path, "--rust", rust]);
     assert_eq!((code, error.lines().count()), (1, 1), "{error}");
@@ -538,15 +538,7 @@ fn a_refused_design_is_not_written() {
 #[test]
 fn the_firmware_has_counters_of_16_or_32_bits() {
     let directory = tempfile::tempdir().unwrap();
-    let (path, gains) = (
-        directory.path().join("drive.toml"),
-        directory.path().join("gains.rs"),
-    );
-    fs::write(
-        &path,
-        DRIVE.replace("counter_bits = 16", "counter_bits = 24"),
-    )
-    .unwrap();
+    let (path, gains) = changed(directory.path(), "counter_bits = 16", "counter_bits = 24");
     let (path, rust) = (path.to_str().unwrap(), gains.to_str().unwrap());
     let (code, _, error) = run(&["design", path]);
     assert_eq!((code, error.as_str()), (0, ""));

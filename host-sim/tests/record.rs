@@ -6,20 +6,21 @@ use arso_core::record::{Course, LastMoves, Recorder, Scale};
 use arso_core::{Counts, Current, Identity};
 use common::{host_sim, ran};
 
+const DRIVE: Identity<'static> = Identity {
+    kind: "linear",
+    loads: 3,
+    sample_time: 1e-3,
+    fingerprint: 0xD85A_F250,
+};
+const SCALE: Scale = Scale {
+    counter_bits: 16,
+    step: Current(1e-3),
+    tolerance: 50,
+};
+
 fn memory() -> Vec<u8> {
     let mut memory = LastMoves::<1500>::new();
-    let drive = Identity {
-        kind: "linear",
-        loads: 3,
-        sample_time: 1e-3,
-        fingerprint: 0xD85A_F250,
-    };
-    let scale = Scale {
-        counter_bits: 16,
-        step: Current(1e-3),
-        tolerance: 50,
-    };
-    let mut recorder = Recorder::new(&mut memory, &drive, scale);
+    let mut recorder = Recorder::new(&mut memory, &DRIVE, SCALE);
     for period in 0..800 {
         let tick = period % 400;
         let course = if tick < 20 {
@@ -89,18 +90,7 @@ fn what_is_not_there_is_said() {
         "{error}"
     );
     let mut empty = LastMoves::<100>::new();
-    let drive = Identity {
-        kind: "linear",
-        loads: 3,
-        sample_time: 1e-3,
-        fingerprint: 0,
-    };
-    let scale = Scale {
-        counter_bits: 16,
-        step: Current(1e-3),
-        tolerance: 50,
-    };
-    Recorder::new(&mut empty, &drive, scale);
+    Recorder::new(&mut empty, &DRIVE, SCALE);
     let bytes: Vec<u8> = empty.words().flat_map(u32::to_le_bytes).collect();
     let (code, _, error) = record(&bytes, &[]);
     assert!(

@@ -71,12 +71,9 @@ pub fn drift(drive: &Drive, log: &Log) -> Result<Drift> {
     let hold = ["actuator.force_constant".to_owned()];
     let parameters = Parameters::new(drive, Experiment::Excitation, &hold)?;
     let start = parameters.start();
-    let force = drive.actuator.largest_force();
     let nominal = parameters.coordinates(start);
-    // In the middle of their range: held.
-    let noise =
-        Residuals::new(force, log.period, &parameters).noise(&[&nominal[..], &[0.0; 2]].concat());
-    let gain = Gain::new(log, start, noise, force);
+    let noise = Residuals::new(std::slice::from_ref(log), &parameters).held;
+    let gain = Gain::new(log, start, noise, parameters.force());
     let gain = gain.ok_or_else(|| {
         Error::Identification("the drive file's machine has no filter for this record".into())
     })?;
@@ -134,7 +131,7 @@ pub fn drift(drive: &Drive, log: &Log) -> Result<Drift> {
             |best, other| if other.1 < best.1 { other } else { best },
         );
     let all = alone(those(&|quantity| {
-        is_friction(quantity) || is_of_chain(quantity)
+        is_friction(quantity) || quantity.positive()
     }))
     .collect();
     let least = search(&two, &all).1.min(two_square).min(described_square);
@@ -181,13 +178,6 @@ fn is_friction(quantity: &Quantity) -> bool {
             | Quantity::Static
             | Quantity::LoadViscous(_)
             | Quantity::LoadCoulomb(_)
-    )
-}
-
-fn is_of_chain(quantity: &Quantity) -> bool {
-    matches!(
-        quantity,
-        Quantity::ActuatorMass | Quantity::Mass(_) | Quantity::Stiffness(_) | Quantity::Damping(_)
     )
 }
 

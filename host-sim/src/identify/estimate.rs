@@ -9,6 +9,7 @@
 //! is free explains a wrong machine as noise, and the search ends there.
 
 use super::least_squares::{Fit, fit};
+use super::log::period;
 use super::predict::{Gain, Noise, Prediction, predict};
 use super::{Log, Machine, Parameters};
 use crate::error::{Error, Result};
@@ -45,13 +46,13 @@ pub(super) struct Residuals<'a> {
     parameters: &'a Parameters,
     /// Coordinates of the drive file.
     nominal: Vec<f64>,
-    held: Noise,
-    /// That the current may have had over a gap, N.
-    force: f64,
+    /// Densities of the noise while it is held.
+    pub(super) held: Noise,
 }
 
 impl<'a> Residuals<'a> {
-    pub(super) fn new(force: f64, period: f64, parameters: &'a Parameters) -> Self {
+    pub(super) fn new(logs: &[Log], parameters: &'a Parameters) -> Self {
+        let period = period(logs);
         let mass = parameters.start().chain().mass.iter().sum::<f64>();
         // Of a double integrator seen in white noise, driven by a random force or by its integral.
         let rate = HELD * parameters.rate();
@@ -62,7 +63,6 @@ impl<'a> Residuals<'a> {
                 force: (QUIET * mass * rate.powi(2) * period.sqrt()).ln(),
                 wander: (mass * rate.powi(3) * period.sqrt()).ln(),
             },
-            force,
         }
     }
 
@@ -89,12 +89,12 @@ impl<'a> Residuals<'a> {
         machine: &Machine,
         noise: Noise,
     ) -> Option<Prediction> {
-        let gain = Gain::new(log, machine, noise, self.force)?;
+        let gain = Gain::new(log, machine, noise, self.parameters.force())?;
         predict(log, machine, &gain)
     }
 
     /// Over the quantities, the noise held: by a filter that is made for another machine.
-    fn held(&self, logs: &[Log], gains: &[Gain], x: &[f64]) -> Vec<f64> {
+    fn with_noise_held(&self, logs: &[Log], gains: &[Gain], x: &[f64]) -> Vec<f64> {
         let machine = self.parameters.machine(x);
         let found = logs.iter().zip(gains);
         let found = found.map(|(log, gain)| predict(log, &machine, gain));
@@ -176,7 +176,7 @@ pub(super) fn search(
     let beginning: Vec<Log> = logs
         .iter()
         .map(|log| {
-            let rows = BEGINNING.0 * std::f64::consts::TAU / (parameters.rate() * log.period);
+            let rows = parameters.rows(BEGINNING.0, log.period);
             log.beginning(rows.min(BEGINNING.1) as usize)
         })
         .collect();
@@ -184,9 +184,9 @@ pub(super) fn search(
         let machine = parameters.machine(x);
         let gains: Vec<Gain> = beginning
             .iter()
-            .map(|log| Gain::new(log, &machine, residuals.held, residuals.force))
+            .map(|log| Gain::new(log, &machine, residuals.held, parameters.force()))
             .collect::<Option<_>>()?;
-        let first = |x: &[f64]| Some(residuals.held(&beginning, &gains, x));
+        let first = |x: &[f64]| Some(residuals.with_noise_held(&beginning, &gains, x));
         Some(fit(&first, x, tolerance, PATIENCE))
     };
     progress(0, 4, "starts");

@@ -147,6 +147,16 @@ impl Log {
     }
 }
 
+/// Intervals of all records.
+pub(super) fn intervals(logs: &[Log]) -> usize {
+    logs.iter().map(|log| log.current.len()).sum()
+}
+
+/// Period of records of one drive, s.
+pub(super) fn period(logs: &[Log]) -> f64 {
+    logs.first().map_or(1.0, |log| log.period)
+}
+
 fn read(
     text: impl Read,
     name: &str,

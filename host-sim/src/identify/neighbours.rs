@@ -5,7 +5,9 @@
 //! apart: each two neighbours are joined.
 
 use super::estimate::{Residuals, closely};
+use super::log::{intervals, period};
 use super::parameters::Machine;
+use super::settle::Estimate;
 use super::{Log, Parameters, Quantity};
 use crate::drive::MAX_LOADS;
 use crate::machine::DryFriction;
@@ -21,16 +23,8 @@ const SPRINGS: [f64; 2] = [1.0, 4.0];
 const LEAST: f64 = 0.005;
 
 /// What is left of the squared errors with one load more, if that is much less.
-///
-/// * `force`: the motor's largest, N
-/// * `cost`: half the sum of squared errors of the machine that was found
-pub(super) fn one_more(
-    logs: &[Log],
-    force: f64,
-    parameters: &Parameters,
-    (machine, noise): (&Machine, &[f64]),
-    cost: f64,
-) -> Option<f64> {
+pub(super) fn one_more(logs: &[Log], parameters: &Parameters, estimate: &Estimate) -> Option<f64> {
+    let machine = &estimate.machine;
     let loads = machine.chain().loads();
     if loads >= MAX_LOADS {
         return None;
@@ -38,52 +32,46 @@ pub(super) fn one_more(
     let trials: Vec<Machine> = (0..loads)
         .flat_map(|load| SPRINGS.map(|spring| parted(machine, load, spring)))
         .collect();
-    let best = best(logs, force, parameters, &trials, noise)?;
+    let best = best(logs, parameters, estimate, &trials)?;
     let chain = best.0.chain();
     let least = LEAST * chain.mass.iter().sum::<f64>();
-    let period = logs.first()?.period;
+    let period = period(logs);
     // A load that is next to nothing, or a mode that no sample shows, is something else.
     let sensible = chain.mass.iter().all(|mass| *mass > least)
         && chain
             .modes()
             .iter()
             .all(|mode| mode.frequency_hz < 0.25 / period);
-    let left = best.1 / cost;
+    let left = best.1 / estimate.cost;
     (sensible && left < FEWER_ERRORS).then_some(left)
 }
 
 /// Whether one load less explains the records as well.
-pub(super) fn one_less(
-    logs: &[Log],
-    force: f64,
-    parameters: &Parameters,
-    (machine, noise): (&Machine, &[f64]),
-    cost: f64,
-) -> bool {
+pub(super) fn one_less(logs: &[Log], parameters: &Parameters, estimate: &Estimate) -> bool {
+    let (machine, cost) = (&estimate.machine, estimate.cost);
     let loads = machine.chain().loads();
     if loads < 2 {
         return false;
     }
     let trials: Vec<Machine> = (1..loads).map(|load| joined(machine, load)).collect();
-    let periods: usize = logs.iter().map(|log| log.current.len()).sum();
-    let best = best(logs, force, parameters, &trials, noise);
+    let periods = intervals(logs);
+    let best = best(logs, parameters, estimate, &trials);
     best.is_some_and(|(_, found)| found - cost < 0.5 * AS_GOOD * 2.0 * cost / periods as f64)
 }
 
-/// The best fit from some machines of the same number of loads: machine and cost.
+/// The best fit from some machines of the same number of loads and the noise of an estimate: machine and cost.
 fn best(
     logs: &[Log],
-    force: f64,
     parameters: &Parameters,
+    estimate: &Estimate,
     trials: &[Machine],
-    noise: &[f64],
 ) -> Option<(Machine, f64)> {
-    let period = logs.first()?.period;
+    let noise = &estimate.coordinates[parameters.free().count()..];
     trials
         .par_iter()
         .map(|machine| {
             let parameters = parameters.around(machine.clone());
-            let residuals = Residuals::new(force, period, &parameters);
+            let residuals = Residuals::new(logs, &parameters);
             let mut x = parameters.coordinates(machine);
             let quantities = x.len();
             x.extend(noise);

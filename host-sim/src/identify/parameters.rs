@@ -239,6 +239,8 @@ pub struct Parameters {
     length: f64,
     /// Of the slowest mode, rad/s.
     rate: f64,
+    /// The motor's largest, N.
+    force: f64,
 }
 
 /// What the drive file says beside what every machine has.
@@ -342,12 +344,25 @@ impl Parameters {
             length,
             scale: (0.1 * total * rate, 0.1 * force, drive.control.sample_time),
             rate,
+            force,
         })
     }
 
     /// Rate of the drive file's slowest mode, rad/s.
     pub(super) fn rate(&self) -> f64 {
         self.rate
+    }
+
+    /// Rows that so many periods of that mode are.
+    ///
+    /// * `period`: of the rows, s
+    pub(super) fn rows(&self, periods: f64, period: f64) -> f64 {
+        periods * std::f64::consts::TAU / (self.rate * period)
+    }
+
+    /// Largest force of the motor, N.
+    pub(super) fn force(&self) -> f64 {
+        self.force
     }
 
     /// What the run is of.

@@ -51,6 +51,13 @@ impl Estimate {
     }
 }
 
+/// Why nothing can be said of some quantities.
+pub(super) fn undetermined() -> Error {
+    Error::Identification(
+        "the log does not determine the quantities at all: some have no effect on it".into(),
+    )
+}
+
 /// The end of a search, once nothing moves any more.
 ///
 /// * `ends`: the best first
@@ -63,11 +70,6 @@ pub(super) fn settle(
     residuals: &Residuals<'_>,
     mut ends: Vec<Fit>,
 ) -> Result<Estimate> {
-    let failed = || {
-        Error::Identification(
-            "the log does not determine the quantities at all: some have no effect on it".into(),
-        )
-    };
     let quantities = residuals.quantities();
     let all = |x: &[f64]| Some(residuals.of(logs, x));
     let slopes_at = |fit: &Fit| jacobian(&all, &fit.coordinates);
@@ -76,21 +78,21 @@ pub(super) fn settle(
         *end = closely(logs, residuals, &end.coordinates);
     }
     let mut ends = ranked(ends, quantities);
-    let mut best = ends.first().cloned().ok_or_else(failed)?;
-    let mut slopes = slopes_at(&best).ok_or_else(failed)?;
+    let mut best = ends.first().cloned().ok_or_else(undetermined)?;
+    let mut slopes = slopes_at(&best).ok_or_else(undetermined)?;
     for _ in 0..MOVES {
         let before = best.clone();
         let mut still = false;
         for _ in 0..STILL.1 {
             let again = fit(&all, &best.coordinates, TOLERANCE, PATIENCE);
-            let spread = white(&slopes, best.cost).ok_or_else(failed)?;
+            let spread = white(&slopes, best.cost).ok_or_else(undetermined)?;
             let moved = |i: usize| {
                 (again.coordinates[i] - best.coordinates[i]).abs() / spread[(i, i)].sqrt()
             };
             still = (0..quantities).all(|i| moved(i) < STILL.0);
             if again.cost < best.cost {
                 best = again;
-                slopes = slopes_at(&best).ok_or_else(failed)?;
+                slopes = slopes_at(&best).ok_or_else(undetermined)?;
             }
             if still {
                 break;
@@ -100,7 +102,7 @@ pub(super) fn settle(
             // Where it was is as likely as where it is.
             ends.push(before);
         }
-        let spread = white(&slopes, best.cost).ok_or_else(failed)?;
+        let spread = white(&slopes, best.cost).ok_or_else(undetermined)?;
         ends.extend(from_either_side(logs, residuals, &best, &spread));
         let variance = 2.0 * best.cost / slopes.nrows() as f64;
         let better = ends
@@ -112,7 +114,7 @@ pub(super) fn settle(
             break;
         };
         ends.push(std::mem::replace(&mut best, better));
-        slopes = slopes_at(&best).ok_or_else(failed)?;
+        slopes = slopes_at(&best).ok_or_else(undetermined)?;
     }
     let elsewhere = |end: &Fit| {
         let (end, best) = (&end.coordinates, &best.coordinates);

@@ -17,16 +17,15 @@ const FRICTION: [f64; 3] = [0.0, 0.015, 0.05];
 
 /// The machines to start from.
 ///
-/// * `force`: the motor's largest, N
 /// * `response`: empty where there is none
 /// * `beside`: a machine whose chain is wrong, but not what it has beside it
 pub(super) fn starts(
     parameters: &Parameters,
     beside: &Machine,
-    force: f64,
     response: &[Point],
     period: f64,
 ) -> Vec<Machine> {
+    let force = parameters.force();
     let mut start = beside.clone();
     start.mechanics.chain = Chain {
         ground: beside.chain().ground.clone(),

@@ -8,6 +8,7 @@
 use super::confidence::white;
 use super::estimate::{Residuals, closely};
 use super::least_squares::{Fit, jacobian};
+use super::log::intervals;
 use super::parameters::{RippleKind, RipplePart};
 use super::settle::Estimate;
 use super::{Experiment, Log, Parameters, Quantity};
@@ -76,20 +77,17 @@ impl Structure {
 }
 
 /// One thing more; none where none is worth it.
-///
-/// * `force`: the motor's largest, N
-pub(super) fn extended(logs: &[Log], force: f64, structure: &Structure) -> Option<Structure> {
+pub(super) fn extended(logs: &[Log], structure: &Structure) -> Option<Structure> {
     if structure.added.len() >= MOST {
         return None;
     }
-    let period = logs.first()?.period;
     let parameters = &structure.parameters;
     let best = structure.ends.first()?;
-    let residuals = Residuals::new(force, period, parameters);
+    let residuals = Residuals::new(logs, parameters);
     let quantities = residuals.quantities();
     let slopes = jacobian(&|x: &[f64]| Some(residuals.of(logs, x)), &best.coordinates)?;
     let errors = DVector::from_vec(residuals.of(logs, &best.coordinates));
-    let periods: usize = logs.iter().map(|log| log.current.len()).sum();
+    let periods = intervals(logs);
     let variance = 2.0 * best.cost / periods as f64;
     let worth = (WORTH * variance).max(SHARE * 2.0 * best.cost);
     let orthogonal = Orthogonal::to(&slopes)?;
@@ -111,7 +109,7 @@ pub(super) fn extended(logs: &[Log], force: f64, structure: &Structure) -> Optio
         .into_par_iter()
         .filter_map(|trial| {
             let (more, varied) = trial.added_to(parameters);
-            let residuals = Residuals::new(force, period, &more);
+            let residuals = Residuals::new(logs, &more);
             let nothing: Vec<f64> = more.coordinates(more.start())[quantities..].to_vec();
             let at = |varied: Option<usize>| {
                 let mut x = best.coordinates.clone();
@@ -152,7 +150,7 @@ pub(super) fn extended(logs: &[Log], force: f64, structure: &Structure) -> Optio
         .take(FITTED)
         .filter_map(|(trial, _, start)| {
             let (more, _) = trial.added_to(parameters);
-            let residuals = Residuals::new(force, period, &more);
+            let residuals = Residuals::new(logs, &more);
             let mut x = best.coordinates.clone();
             x.splice(quantities..quantities, start.iter().copied());
             let end = closely(logs, &residuals, &x);

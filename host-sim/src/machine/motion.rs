@@ -61,19 +61,24 @@ impl Motion {
     pub fn new(mechanics: &Mechanics, period: f64) -> Self {
         let chain = &mechanics.chain;
         let (a, part) = (chain.a(), period / f64::from(PARTS));
-        let (transition, _) = zero_order_hold(&a, &chain.force_input(0), period);
-        let (part_transition, _) = zero_order_hold(&a, &chain.force_input(0), part);
+        let held = |mass: usize, time: f64| zero_order_hold(&a, &chain.force_input(mass), time);
+        let (transition, response) = held(0, period);
+        let (part_transition, part_response) = held(0, part);
+        let of_actuator = (response, part_response);
         let all = mechanics.friction.iter().copied();
         let all = all.chain(std::iter::repeat(DryFriction::default()));
         let frictions = all.take(chain.mass.len()).enumerate();
         let frictions = frictions.filter(|(mass, dry)| *mass == 0 || dry.any());
         let frictions = frictions.map(|(mass, dry)| {
-            let b = chain.force_input(mass);
+            let (response, part_response) = match mass {
+                0 => of_actuator.clone(),
+                _ => (held(mass, period).1, held(mass, part).1),
+            };
             Rubbing {
                 velocity: 2 * mass + 1,
                 dry,
-                response: zero_order_hold(&a, &b, period).1,
-                part_response: zero_order_hold(&a, &b, part).1,
+                response,
+                part_response,
                 newton: 0.0,
             }
         });
