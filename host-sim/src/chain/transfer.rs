@@ -64,10 +64,17 @@ const ROUGHNESS: f64 = 0.1;
 
 /// Tried one after the other: rounding keeps some programmes from being solved with the first.
 const REGULARIZATIONS: [f64; 3] = [1e-7, 1e-6, 1e-8];
-/// Residual of the motion, in states over their scale, and share by which the optimum may be missed, of a
-/// solution that will do.
-const ARRIVES: f64 = 1e-7;
-const NEAR: f64 = 1e-3;
+/// Residual of the motion, in states over what full current does to them, that currents may have over the scale
+/// that they lead to: it is taken away, at the cost of so much more current. Between these bounds.
+const ARRIVES: f64 = 1e-4;
+const COARSE: f64 = 1e-6;
+const EXACT: f64 = 1e-8;
+/// Share by which the optimum may be missed: how far the limits reach is measured on the currents.
+const NEAR: f64 = 1e-4;
+/// How much of the optimum may be missed where the solver comes no nearer.
+const NEAR_ENOUGH: f64 = 1e-3;
+/// Its steps: what takes more comes no nearer.
+const ITERATIONS: u32 = 100;
 
 /// A transfer in a number of steps.
 pub struct Task<'a> {
@@ -141,7 +148,7 @@ impl Task<'_> {
         let mut objective = vec![0.0; unknowns];
         objective[unknowns - 1] = -1.0;
         let quadratic = CscMatrix::zeros((unknowns, unknowns));
-        let mut solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
+        let mut solution = solve(&quadratic, &objective, unknowns, rows, equalities, EXACT)?;
         let farthest = solution[unknowns - 1] * scale;
         solution.truncate(self.steps);
         Ok((farthest, solution))
@@ -229,7 +236,8 @@ impl Task<'_> {
             diagonal,
         );
         let objective = vec![0.0; unknowns];
-        let mut solution = solve(&quadratic, &objective, unknowns, rows, equalities)?;
+        let residual = (ARRIVES * scale / self.end_scale()).clamp(EXACT, COARSE);
+        let mut solution = solve(&quadratic, &objective, unknowns, rows, equalities, residual)?;
         solution.truncate(self.steps);
         Ok(solution)
     }
@@ -353,12 +361,15 @@ impl Task<'_> {
 }
 
 /// The unknowns of a programme, the equalities first.
+///
+/// * `residual`: that will do
 fn solve(
     quadratic: &CscMatrix<f64>,
     objective: &[f64],
     unknowns: usize,
     rows: Rows,
     equalities: usize,
+    residual: f64,
 ) -> Result<Vec<f64>> {
     let failed = |why: String| {
         NoSolution(format!(
@@ -376,6 +387,12 @@ fn solve(
             verbose: false,
             max_threads: 1,
             static_regularization_constant,
+            max_iter: ITERATIONS,
+            tol_feas: residual,
+            tol_gap_rel: NEAR,
+            tol_gap_abs: 1e-4 * residual,
+            // More are a third of its time, and make no step better.
+            iterative_refinement_max_iter: 1,
             ..DefaultSettings::default()
         };
         let solver = DefaultSolver::new(quadratic, objective, &a, &right, &cones, settings);
@@ -384,7 +401,7 @@ fn solve(
         let solution = solver.solution;
         let gap = (solution.obj_val - solution.obj_val_dual).abs();
         // What is not quite the best is as good a plan, if it arrives.
-        let good = solution.r_prim < ARRIVES && gap < NEAR * solution.obj_val.abs();
+        let good = solution.r_prim < residual && gap < NEAR_ENOUGH * solution.obj_val.abs();
         if solution.status == SolverStatus::Solved || good {
             return Ok(solution.x);
         }

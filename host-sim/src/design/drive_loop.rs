@@ -13,6 +13,7 @@
 //! own, in `f64`, fed with the command of the period before, as in the drive.
 
 use super::Design;
+use crate::linear::response::Response;
 use arso_core::actuator::Actuator;
 use arso_core::disturbance::{self, DisturbanceObserver};
 use arso_core::reaction_force::{self, ReactionForceObserver};
@@ -38,6 +39,20 @@ pub struct DriveLoop {
     /// The same of the disturbance found and of the innovation, N.
     found: (RowDVector<f64>, f64),
     innovation: (RowDVector<f64>, f64),
+}
+
+/// See [`DriveLoop::response`].
+pub struct DriveResponse {
+    of_memory: Response,
+    through: f64,
+}
+
+impl DriveResponse {
+    /// Command per metre of position at `z`; none at a pole.
+    #[must_use]
+    pub fn at(&self, z: Complex<f64>) -> Option<Complex<f64>> {
+        Some(self.of_memory.at(z)?[0] + self.through)
+    }
 }
 
 /// What the memory holds, before the states of the observer: position and command of the period before,
@@ -92,14 +107,17 @@ impl DriveLoop {
         })
     }
 
-    /// Command per metre of position at `z`; none at a pole.
+    /// Command per metre of position, ready to be asked at many frequencies.
     #[must_use]
-    pub fn response(&self, z: Complex<f64>) -> Option<Complex<f64>> {
-        let n = self.input.len();
-        let matrix = DMatrix::identity(n, n) * z - self.transition.map(Complex::from);
-        let memory = matrix.lu().solve(&self.input.map(Complex::from))?;
-        let products = self.output.iter().zip(memory.iter()).map(|(c, s)| s * *c);
-        Some(products.sum::<Complex<f64>>() + self.through)
+    pub fn response(&self) -> DriveResponse {
+        DriveResponse {
+            of_memory: Response::new(
+                &self.transition,
+                &self.input,
+                std::slice::from_ref(&self.output),
+            ),
+            through: self.through,
+        }
     }
 
     /// Transition of plant and drive together: states of the plant, then the memory.

@@ -9,6 +9,7 @@ use super::Design;
 use super::drive_loop::{Compensation, DriveLoop};
 use crate::error::Result;
 use crate::linear::margins::Margins;
+use crate::linear::response::Response;
 use nalgebra::{Complex, DMatrix, DVector};
 
 type C = Complex<f64>;
@@ -61,9 +62,9 @@ pub fn of_drive_at_first_look(design: &Design, compensation: Compensation) -> Re
 }
 
 fn of_drive_looked_at(design: &Design, compensation: Compensation, look: Look) -> Result<Margins> {
-    let drive = DriveLoop::new(design, compensation);
+    let drive = DriveLoop::new(design, compensation).response();
     of(design, look, |z, plant| {
-        drive.response(z).map(|response| response * plant[0])
+        drive.at(z).map(|response| response * plant[0])
     })
 }
 
@@ -93,12 +94,14 @@ fn of(
 ) -> Result<Margins> {
     let period = design.drive.control.sample_time;
     let (ad, bd) = design.sampled(&design.chain);
-    let (ad, bd) = (ad.map(C::from), bd.map(C::from));
+    let states: Vec<_> = DMatrix::<f64>::identity(bd.len(), bd.len())
+        .row_iter()
+        .map(|row| row.into_owned())
+        .collect();
+    let plant = Response::new(&ad, &bd, &states);
     let response = |omega: f64| -> Option<C> {
         let z = C::from_polar(1.0, omega * period);
-        let matrix = DMatrix::identity(bd.len(), bd.len()) * z - &ad;
-        let state = matrix.lu().solve(&bd)?;
-        command(z, &state).map(|command| -command)
+        command(z, &plant.at(z)?).map(|command| -command)
     };
     let nyquist = std::f64::consts::PI / period;
     let slowest = design.regulator_decay()?;
