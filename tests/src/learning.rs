@@ -73,25 +73,30 @@ pub fn learned(drive: &Drive, record: &str) -> Result<Identification> {
     identify(drive, &[log], &parameters, &|_, _, _| ())
 }
 
+/// What is true of a plant as a whole: its `acceleration`, or the frequency of a `mode`.
+#[must_use]
+pub fn truth_of_the_whole(plant: &PlantFile, name: &str) -> Option<f64> {
+    let chain = chain_of(&plant.actuator, &plant.loads, plant.friction.viscous);
+    if name == "acceleration" {
+        let total: f64 = chain.mass.iter().sum();
+        return Some(chain.force_constant / total);
+    }
+    let number: usize = name.strip_prefix("mode ")?.parse().ok()?;
+    Some(chain.modes().get(number - 1)?.frequency_hz)
+}
+
 /// Largest error of the figures that an identification gives of the whole, over what is true; that of the
 /// frequencies and the acceleration.
 #[must_use]
 pub fn error_of_the_whole(identification: &Identification, plant: &PlantFile) -> f64 {
-    let chain = chain_of(&plant.actuator, &plant.loads, plant.friction.viscous);
-    let total: f64 = chain.mass.iter().sum();
-    let truth = |name: &str| -> Option<f64> {
-        if name == "acceleration" {
-            return Some(chain.force_constant / total);
-        }
-        let number: usize = name.strip_prefix("mode ")?.parse().ok()?;
-        chain.modes().get(number - 1).map(|mode| mode.frequency_hz)
-    };
     let known = identification
         .figures
         .iter()
         .filter(|figure| figure.known());
     known
-        .filter_map(|figure| Some((figure.value / truth(&figure.name)? - 1.0).abs()))
+        .filter_map(|figure| {
+            Some((figure.value / truth_of_the_whole(plant, &figure.name)? - 1.0).abs())
+        })
         .fold(0.0, f64::max)
 }
 

@@ -3,6 +3,7 @@
 
 #[cfg(feature = "virtual-board")]
 pub mod campaign;
+pub mod coverage;
 pub mod drives;
 pub mod false_alarms;
 pub mod learning;

@@ -29,6 +29,8 @@ use crate::linear::zoh::zero_order_hold;
 use arso_core::moves::plans::{Plan, Plans, row_words};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use nalgebra::{DMatrix, DVector};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 
 /// Checksum of the rows, and of what the firmware logs in serialised form.
 pub const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
@@ -147,8 +149,6 @@ struct Made {
 struct Grid {
     /// Durations in steps, and the distance each is made for.
     plans: Vec<(usize, f64)>,
-    /// That they take.
-    bytes: usize,
     /// See [`PlanTable::cruise_loss`].
     cruise_loss: Option<f64>,
 }
@@ -162,6 +162,8 @@ struct Maker<'a> {
     /// Over a step, without viscous friction.
     ad: DMatrix<f64>,
     bd: DVector<f64>,
+    /// Farthest displacements already found, by their steps; none where there is none.
+    farthest: RefCell<BTreeMap<usize, Option<f64>>>,
 }
 
 /// The plans of a design.
@@ -176,23 +178,18 @@ pub fn plan_table(design: &Design) -> Result<PlanTable> {
         .floor()
         .clamp(1.0, 1e4) as u16;
     let row = size_of::<i16>() * row_words(design.loads());
-    let mut loss = LOSS;
     loop {
         let maker = Maker::new(design, limits.clone(), f64::from(stride) * period)?;
         let change = maker.change()?;
         let change_bytes = change.currents.len() * row + size_of::<Plan>();
         let room = design.motion.table.saturating_sub(change_bytes);
-        let grid = maker.grid(&change, loss, (room, stride))?;
-        if grid.bytes <= room {
-            return Ok(maker.table(stride, &grid, &change));
-        }
         // A coarser grid costs less than coarser steps, up to a point.
-        if loss < 4.0 * LOSS {
-            loss *= 2.0;
-        } else {
-            loss = LOSS;
-            stride = stride.checked_mul(2).ok_or_else(|| too_small(design))?;
+        for loss in [LOSS, 2.0 * LOSS, 4.0 * LOSS] {
+            if let Some(grid) = maker.grid(&change, loss, (room, stride))? {
+                return Ok(maker.table(stride, &grid, &change));
+            }
         }
+        stride = stride.checked_mul(2).ok_or_else(|| too_small(design))?;
         if f64::from(stride) * period * fastest > 0.25 {
             return Err(too_small(design));
         }
@@ -221,6 +218,7 @@ impl<'a> Maker<'a> {
             step,
             ad,
             bd,
+            farthest: RefCell::default(),
         })
     }
 
@@ -301,11 +299,19 @@ impl<'a> Maker<'a> {
         self.made(Kind::Change, steps, NEARLY * limit)
     }
 
-    /// Which plans there are to be.
+    /// How far so many steps reach within the limits; none for what rounding keeps from being solved.
+    fn farthest(&self, steps: usize) -> Option<f64> {
+        let mut found = self.farthest.borrow_mut();
+        *found
+            .entry(steps)
+            .or_insert_with(|| self.task(Kind::Displacement, steps).farthest().ok())
+    }
+
+    /// Which plans there are to be; none when they do not fit.
     ///
     /// * `room`: bytes that the table has for them
     /// * `stride`: control periods of a step
-    fn grid(&self, change: &Made, loss: f64, (room, stride): (usize, u16)) -> Result<Grid> {
+    fn grid(&self, change: &Made, loss: f64, (room, stride): (usize, u16)) -> Result<Option<Grid>> {
         let drive = &self.design.drive;
         let change_steps = change.currents.len() as f64;
         let overlapping = change.reach * change_steps * self.step;
@@ -328,6 +334,9 @@ impl<'a> Maker<'a> {
             if farthest >= travel || (farthest >= overlapping && !fits) {
                 break;
             }
+            if bytes + needed(steps) > room {
+                return Ok(None);
+            }
             if steps > LONGEST {
                 return Err(Error::Design(format!(
                     "no planned move of {LONGEST} steps of {:.2e} s gets as far as its limits would have it",
@@ -335,9 +344,8 @@ impl<'a> Maker<'a> {
                 )));
             }
             let own = Self::slack(steps);
-            let distance = self.task(Kind::Displacement, steps - own).farthest();
-            // So is what is too short for a count.
-            if let Ok(distance) = distance
+            // Nor is what is too short for a count.
+            if let Some(distance) = self.farthest(steps - own)
                 && distance >= count
             {
                 plans.push((steps, distance));
@@ -350,11 +358,10 @@ impl<'a> Maker<'a> {
             }
         }
         let cruises = plans.last().is_none_or(|(_, farthest)| *farthest < travel);
-        Ok(Grid {
+        Ok(Some(Grid {
             plans,
-            bytes,
             cruise_loss: cruise_loss.filter(|_| cruises),
-        })
+        }))
     }
 
     fn table(&self, stride: u16, grid: &Grid, change: &Made) -> PlanTable {

@@ -446,10 +446,6 @@ impl Parameters {
         }
         let asked = |quantity: &Quantity| self.all.iter().any(|(asked, _)| asked == quantity);
         result.retain(|quantity| !asked(quantity));
-        // Delay and lag of a current do the same to a machine that is much slower.
-        if asked(&Quantity::Delay) || asked(&Quantity::Lag) {
-            result.retain(|quantity| !matches!(quantity, Quantity::Delay | Quantity::Lag));
-        }
         result
     }
 

@@ -1,6 +1,7 @@
 //! One move teaches the drive, whole: see `arso_tests::learning`.
 
-use arso_tests::learning::{degradation, imperfections, lessons, wide};
+use arso_tests::coverage::coverage;
+use arso_tests::learning::{Imperfection, degradation, imperfections, lessons, wide};
 use clap::Parser;
 use host_sim::design::Design;
 use host_sim::drive::{DEFAULT_DRIVE, Drive};
@@ -20,6 +21,12 @@ struct Cli {
     /// Plants for each thing that the model lacks.
     #[arg(long, default_value_t = 30)]
     imperfect: usize,
+    /// Of these things only those with this in their name.
+    #[arg(long, default_value = "")]
+    only: String,
+    /// Drives drawn at random, whose figures are held against their intervals.
+    #[arg(long, default_value_t = 200)]
+    coverage: usize,
     /// m or rad.
     #[arg(long, default_value_t = 0.03)]
     distance: f64,
@@ -60,7 +67,8 @@ fn run(cli: &Cli) -> Result<bool> {
     if cli.imperfect > 0 {
         let plants = wide(&drive, cli.imperfect, cli.seed);
         println!("| | right | refused | wrong |\n|---|---|---|---|");
-        for imperfection in imperfections() {
+        let asked = |one: &Imperfection| one.name.contains(&cli.only);
+        for imperfection in imperfections().into_iter().filter(asked) {
             let all = degradation(&design, &plants, cli.distance, &imperfection)?;
             println!(
                 "| {} | {} | {} | {} |",
@@ -80,6 +88,11 @@ fn run(cli: &Cli) -> Result<bool> {
             }
             passed &= all.wrong.is_empty();
         }
+    }
+    if cli.coverage > 0 {
+        let all = coverage(0..cli.coverage, cli.seed, |one| println!("{one}"));
+        print!("{all}");
+        passed &= all.within_three(None) >= 0.98 && all.worst(None) <= 6.0;
     }
     Ok(passed)
 }

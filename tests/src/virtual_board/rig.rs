@@ -326,9 +326,8 @@ impl Rig {
         }
     }
 
-    /// Makes one experiment on a commissioned drive: puts the machine where it starts, holds it
-    /// there, closes the run switch, and lets go when the drive is about to see its target.
-    /// Returns what the board did in each period from then on.
+    /// Makes one experiment on a commissioned drive, as it [`begin`](Self::begin)s, and opens the switches. Returns
+    /// what the board did in each period.
     ///
     /// # Errors
     /// Whatever stops the firmware.
@@ -341,6 +340,22 @@ impl Rig {
         plant: &PlantFile,
         periods: u32,
     ) -> Result<Vec<Period>, Stop> {
+        self.begin(scenario, plant)?;
+        let done = self.periods(periods)?;
+        self.switches(Switches::default());
+        self.periods(SETTLED)?;
+        Ok(done)
+    }
+
+    /// Begins an experiment on a commissioned drive: puts the machine where it starts, holds it there, closes the
+    /// run switch, and lets go when the drive is about to see its target.
+    ///
+    /// # Errors
+    /// Whatever stops the firmware.
+    ///
+    /// # Panics
+    /// When no switches ask for the experiment, see [`Switches::target_of`].
+    pub fn begin(&mut self, scenario: &Scenario, plant: &PlantFile) -> Result<(), Stop> {
         let mut machine = Plant::new(plant, self.sample_time);
         machine.start_from(&scenario.initial_state(machine.chain()));
         self.plant = machine;
@@ -373,10 +388,7 @@ impl Rig {
             }
         }
         self.held = false;
-        let done = self.periods(periods)?;
-        self.switches(Switches::default());
-        self.periods(SETTLED)?;
-        Ok(done)
+        Ok(())
     }
 
     /// Plays the excitation to its end, or to the fault that ends it, from where the machine is, and
