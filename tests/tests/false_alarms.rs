@@ -5,7 +5,7 @@ use arso_tests::false_alarms::moves;
 #[test]
 fn healthy_drives_are_not_stopped() {
     let mut total = 0;
-    for drive in 0..20 {
+    for drive in 0..10 {
         let alarms = moves(drive, 3);
         for alarm in &alarms {
             println!("{alarm}");

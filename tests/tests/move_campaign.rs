@@ -11,14 +11,14 @@ fn retargets_jogs_and_stops_arrive_without_vibration() {
 
 #[test]
 fn drives_with_friction_and_coarse_encoders_come_to_rest() {
-    let found = drives(6, 1);
+    let found = drives(3, 1);
     assert_eq!((found.hunting(), found.hanging()), (0, 0), "{found}");
     assert!(found.failed.is_empty(), "{found}");
 }
 
 #[test]
 fn friction_and_a_wrong_model_together_come_to_rest() {
-    let found = plants(10, 1);
+    let found = plants(6, 1);
     assert_eq!((found.hunting(), found.hanging()), (0, 0), "{found}");
     assert!(found.failed.is_empty(), "{found}");
 }

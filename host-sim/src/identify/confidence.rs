@@ -132,7 +132,12 @@ pub(super) fn rivals(estimate: &Estimate) -> Vec<Rival> {
         coordinates: end.coordinates.clone(),
         likelihood: (2.0 * (end.cost - estimate.cost) / variance).max(0.0),
     });
-    rivals.collect()
+    // A search that has stopped on the way says nothing by how well it explains.
+    let strays = estimate.strays.iter().map(|end| Rival {
+        coordinates: end.coordinates.clone(),
+        likelihood: 0.0,
+    });
+    rivals.chain(strays).collect()
 }
 
 /// Correlation of the innovations with themselves, `lag` samples later.

@@ -1,5 +1,6 @@
 //! The proof that a search has ended: from its end again until nothing moves, and from either side along what
-//! is known least. Other ends that the records allow are kept: they tell how far the truth may be.
+//! is known least. Other ends that the records allow are kept, and where the searches from beside the result come to
+//! lie that do not find back to it: they tell how far the truth may be.
 
 use super::confidence::white;
 use super::estimate::{Residuals, SAME, apart, closely, ranked};
@@ -20,7 +21,9 @@ const STILL: (f64, usize) = (0.05, 5);
 /// coordinates at least and at most.
 const BESIDE: (f64, f64, f64) = (5.0, 0.03, 0.3);
 /// How often the search may move on to a better end.
-const MOVES: usize = 3;
+const MOVES: usize = 6;
+/// Standard deviations within which a search from beside the result must come back to it.
+const ASTRAY: f64 = 1.0;
 /// Chi square by which an end must be better to be another.
 const BETTER: f64 = 0.1;
 
@@ -41,6 +44,8 @@ pub(super) struct Estimate {
     pub(super) cost: f64,
     /// Other ends of the search.
     pub(super) rivals: Vec<Fit>,
+    /// Ends of searches from beside it that have not come back: so far it may be from where it would end.
+    pub(super) strays: Vec<Fit>,
 }
 
 impl Estimate {
@@ -80,6 +85,7 @@ pub(super) fn settle(
     let mut ends = ranked(ends, quantities);
     let mut best = ends.first().cloned().ok_or_else(undetermined)?;
     let mut slopes = slopes_at(&best).ok_or_else(undetermined)?;
+    let mut strays = Vec::new();
     for _ in 0..MOVES {
         let before = best.clone();
         let mut still = false;
@@ -103,7 +109,16 @@ pub(super) fn settle(
             ends.push(before);
         }
         let spread = white(&slopes, best.cost).ok_or_else(undetermined)?;
-        ends.extend(from_either_side(logs, residuals, &best, &spread));
+        let sides = from_either_side(logs, residuals, &best, &spread);
+        strays.clear();
+        let strayed = |end: &&Fit| {
+            (0..quantities).any(|i| {
+                let distance = end.coordinates[i] - best.coordinates[i];
+                distance.abs() > ASTRAY * spread[(i, i)].sqrt()
+            })
+        };
+        strays.extend(sides.iter().filter(strayed).cloned());
+        ends.extend(sides);
         let variance = 2.0 * best.cost / slopes.nrows() as f64;
         let better = ends
             .iter()
@@ -129,6 +144,7 @@ pub(super) fn settle(
         slopes,
         cost: best.cost,
         rivals: ranked(ends, quantities),
+        strays,
     })
 }
 
