@@ -152,6 +152,8 @@ fn what_cannot_be_learned_from_gets_one_sentence() {
     fs::write(here.join("still.csv"), still).unwrap();
     for (arguments, expected, sentence) in [
         (&["missing.csv"][..], 2, "missing.csv"),
+        // Before anything is read.
+        (&["missing.csv", "--move", "nan"], 2, "must be one count"),
         (
             &["still.csv"],
             2,

@@ -14,6 +14,7 @@ use crate::report::learning::{self, Learned};
 use crate::simulate::benefit::Benefit;
 use crate::simulate::corridor::gains_source;
 use crate::simulate::scenario::Scenario;
+use crate::simulate::sequence::require_a_count;
 use crate::simulate::stillness::stillness;
 use clap::Args;
 use serde_json::json;
@@ -82,6 +83,9 @@ impl LearnCommand {
             return Err(Error::Usage(format!(
                 "the drive file is {LEARNED}, where the new one would go: say with --toml where it is to go"
             )));
+        }
+        if let Some(distance) = self.distance {
+            require_a_count(&file.drive, distance)?;
         }
         let logs = file.logs(&self.record, &self.column)?;
         let experiment = Experiment::Excitation;

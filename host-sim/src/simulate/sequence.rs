@@ -11,7 +11,7 @@
 use super::scenario::{Approach, Scenario, Start};
 use super::{Ask, Control, ControlOutput, Core, FullState, Law, Run, Sample, close_loop};
 use crate::design::Design;
-use crate::drive::PlantFile;
+use crate::drive::{Drive, PlantFile};
 use crate::error::{Error, Result};
 use arso_core::{Mode, Place, Request};
 use nalgebra::DVector;
@@ -86,7 +86,7 @@ impl MoveSequence {
             let before = moves.last().copied();
             let counts = (distance / resolution).round();
             let planned = plans.duration(counts * resolution, period);
-            require_possible(design, distance, counts, planned)?;
+            require_possible(design, distance, planned)?;
             let place = Place(before.map_or(0, |before| before.place.0) + counts as i64);
             require_within_travel(design, distance, place)?;
             let at = match times.get(number) {
@@ -161,13 +161,23 @@ impl MoveSequence {
 }
 
 /// A move must be one, and of a length that can be kept.
-fn require_possible(design: &Design, distance: f64, counts: f64, planned: f64) -> Result<()> {
-    let unit = design.drive.kind.units().position;
-    let resolution = design.drive.encoder.resolution;
-    if counts.is_nan() || counts.abs() < 1.0 {
-        let rule = format!("must be one count of the encoder at least, {resolution:e} {unit}");
-        return Err(Error::parameter("move", distance, rule));
+/// Refuses a distance that no drive with this encoder can move.
+///
+/// # Errors
+/// [`Error::Parameter`] for less than half a count, and for what is no number.
+pub fn require_a_count(drive: &Drive, distance: f64) -> Result<()> {
+    let resolution = drive.encoder.resolution;
+    // What is no number is not.
+    if (distance / resolution).round().abs() >= 1.0 {
+        return Ok(());
     }
+    let unit = drive.kind.units().position;
+    let rule = format!("must be one count of the encoder at least, {resolution:e} {unit}");
+    Err(Error::parameter("move", distance, rule))
+}
+
+fn require_possible(design: &Design, distance: f64, planned: f64) -> Result<()> {
+    require_a_count(&design.drive, distance)?;
     if planned.is_nan() || planned > LONGEST {
         let rule = format!(
             "takes {planned:.0} control periods within the limits of planned moves: must be {LONGEST} at most"
