@@ -96,7 +96,7 @@ fn of(
     let (ad, bd) = design.sampled(&design.chain);
     let states: Vec<_> = DMatrix::<f64>::identity(bd.len(), bd.len())
         .row_iter()
-        .map(|row| row.into_owned())
+        .map(nalgebra::Matrix::into_owned)
         .collect();
     let plant = Response::new(&ad, &bd, &states);
     let response = |omega: f64| -> Option<C> {
