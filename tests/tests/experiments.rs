@@ -37,6 +37,16 @@ fn step_of_30_mm_is_near_the_bound_and_leaves_no_vibration() {
     assert!((bound.overshoot - 0.6).abs() < 0.1 && (core.overshoot - 0.1).abs() < 0.1);
 }
 
+/// A plan that brings its own machine to rest leaves nothing that its encoder could see.
+#[test]
+fn a_planned_move_leaves_less_than_a_count() {
+    let drive = Drive::default_drive();
+    let core = nominal(&drive, "move", Law::Core);
+    let residual = core.residual_vibration.unwrap();
+    let least = drive.encoder.resolution;
+    assert!(residual.iter().all(|x| *x < least), "{residual:?}");
+}
+
 #[test]
 fn every_experiment_settles_without_a_fault() {
     let drive = Drive::default_drive();

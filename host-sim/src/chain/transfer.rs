@@ -69,10 +69,9 @@ const REGULARIZATIONS: [f64; 3] = [1e-7, 1e-6, 1e-8];
 const ARRIVES: f64 = 1e-4;
 const COARSE: f64 = 1e-6;
 const EXACT: f64 = 1e-8;
-/// Share by which the optimum may be missed: how far the limits reach is measured on the currents.
-const NEAR: f64 = 1e-4;
-/// How much of the optimum may be missed where the solver comes no nearer.
-const NEAR_ENOUGH: f64 = 1e-3;
+/// Share by which the optimum may be missed where the solver comes no nearer. Where it does, it is to: what is only
+/// near the optimum has rougher currents.
+const NEAR: f64 = 1e-3;
 /// Its steps: what takes more comes no nearer.
 const ITERATIONS: u32 = 100;
 
@@ -389,8 +388,6 @@ fn solve(
             static_regularization_constant,
             max_iter: ITERATIONS,
             tol_feas: residual,
-            tol_gap_rel: NEAR,
-            tol_gap_abs: 1e-4 * residual,
             // More are a third of its time, and make no step better.
             iterative_refinement_max_iter: 1,
             ..DefaultSettings::default()
@@ -401,7 +398,7 @@ fn solve(
         let solution = solver.solution;
         let gap = (solution.obj_val - solution.obj_val_dual).abs();
         // What is not quite the best is as good a plan, if it arrives.
-        let good = solution.r_prim < residual && gap < NEAR_ENOUGH * solution.obj_val.abs();
+        let good = solution.r_prim < residual && gap < NEAR * solution.obj_val.abs();
         if solution.status == SolverStatus::Solved || good {
             return Ok(solution.x);
         }
