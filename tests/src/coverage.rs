@@ -6,13 +6,13 @@
 //!
 //! Only figures that are given count: quantities, acceleration, and modes.
 
-use crate::learning::{learned, record, truth_of_the_whole};
+use crate::learning::{learned, parameters, record, truth_of_the_whole};
 use crate::random_drive::machine;
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile, Weights};
 use host_sim::error::Result;
 use host_sim::excite::{ExcitationPlan, ExcitationRequest};
-use host_sim::identify::{Identification, Quantity};
+use host_sim::identify::Identification;
 use host_sim::simulate::plant::Plant;
 use host_sim::simulate::scenario::Scenario;
 use host_sim::simulate::sequence::{MoveSequence, simulate_moves};
@@ -32,7 +32,7 @@ pub enum Kind {
     NoisyEncoder,
     /// An excitation, with nothing but the encoder's rounding.
     Rounded,
-    /// Raw steps there and back.
+    /// A raw step.
     Steps,
     /// Two planned moves.
     Moves,
@@ -106,21 +106,6 @@ fn recorded(kind: Kind, truth: &Drive, guess: &Drive, random: &mut ChaCha8Rng) -
     }
 }
 
-/// What a quantity is in truth.
-fn truth(quantity: Quantity, machine: &Drive) -> Option<f64> {
-    let load = |load: usize| machine.loads.get(load);
-    match quantity {
-        Quantity::ActuatorMass => Some(machine.actuator.mass),
-        Quantity::ForceConstant => Some(machine.actuator.force_constant),
-        Quantity::Mass(number) => Some(load(number)?.mass),
-        Quantity::Stiffness(number) => Some(load(number)?.stiffness),
-        Quantity::Damping(number) => Some(load(number)?.damping),
-        Quantity::Viscous => Some(machine.friction.viscous),
-        Quantity::Coulomb | Quantity::CoulombBackward => Some(machine.friction.coulomb),
-        _ => None,
-    }
-}
-
 /// How one figure came out.
 #[derive(Clone, Debug)]
 pub struct Held {
@@ -133,16 +118,17 @@ pub struct Held {
 }
 
 /// All figures that an identification gives.
-fn held(found: &Identification, machine: &Drive) -> Vec<Held> {
+fn held(found: &Identification, machine: &Drive) -> Result<Vec<Held>> {
+    let truth = parameters(machine)?;
     let one = |name: String, value: f64, std: f64, truth: f64| Held {
         name,
         error: (value - truth).abs() / std,
         relative: (value / truth - 1.0).abs(),
     };
     let quantities = found.quantities.iter().filter(|q| q.known && !q.held);
-    let quantities = quantities.filter_map(|q| {
-        let truth = truth(q.quantity, machine)?;
-        Some(one(q.quantity.name(), q.value, q.std, truth))
+    let quantities = quantities.map(|q| {
+        let truth = truth.value(truth.start(), q.quantity);
+        one(q.quantity.name(), q.value, q.std, truth)
     });
     let plant = PlantFile::from(machine);
     let figures = found.figures.iter().filter(|figure| figure.known());
@@ -150,7 +136,7 @@ fn held(found: &Identification, machine: &Drive) -> Vec<Held> {
         let truth = truth_of_the_whole(&plant, &figure.name)?;
         Some(one(figure.name.clone(), figure.value, figure.std, truth))
     });
-    quantities.chain(figures).collect()
+    Ok(quantities.chain(figures).collect())
 }
 
 /// What became of one drive.
@@ -195,10 +181,9 @@ pub fn coverage(
         let kind = KINDS[number % KINDS.len()];
         let given = match recorded(kind, &machine, &guess, &mut random) {
             Err(error) => Err(Nothing::NotRecorded(error.to_string())),
-            Ok(record) => match learned(&guess, &record) {
-                Err(error) => Err(Nothing::Refused(error.to_string())),
-                Ok(found) => Ok(held(&found, &machine)),
-            },
+            Ok(record) => learned(&guess, &record)
+                .and_then(|found| held(&found, &machine))
+                .map_err(|error| Nothing::Refused(error.to_string())),
         };
         let outcome = Outcome {
             number,

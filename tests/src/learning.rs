@@ -62,15 +62,19 @@ pub fn record(run: &Run) -> String {
     text
 }
 
+/// What of a drive a record is to say: all but the scale of the forces.
+pub(crate) fn parameters(drive: &Drive) -> Result<Parameters> {
+    let hold = ["actuator.force_constant".to_owned()];
+    Parameters::new(drive, Experiment::Excitation, &hold)
+}
+
 /// What a record says of a drive.
 ///
 /// # Errors
 /// What the identification refuses.
 pub fn learned(drive: &Drive, record: &str) -> Result<Identification> {
     let log = Log::parse(record.as_bytes(), "record", drive, &Columns::default())?;
-    let hold = ["actuator.force_constant".to_owned()];
-    let parameters = Parameters::new(drive, Experiment::Excitation, &hold)?;
-    identify(drive, &[log], &parameters, &|_, _, _| ())
+    identify(drive, &[log], &parameters(drive)?, &|_, _, _| ())
 }
 
 /// What is true of a plant as a whole: its `acceleration`, or the frequency of a `mode`.

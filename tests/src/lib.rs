@@ -17,9 +17,15 @@ pub mod virtual_board;
 #[cfg(feature = "virtual-board")]
 #[must_use]
 pub fn target_binary(name: &str) -> std::path::PathBuf {
+    built("firmware/thumbv7em-none-eabihf/release").join(name)
+}
+
+/// What a script leaves in the target folder.
+#[cfg(feature = "virtual-board")]
+#[must_use]
+pub fn built(path: &str) -> std::path::PathBuf {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    root.join("target/firmware/thumbv7em-none-eabihf/release")
-        .join(name)
+    root.join("target").join(path)
 }
 
 /// The firmware, as flashed.

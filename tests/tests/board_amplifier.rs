@@ -7,13 +7,9 @@ use arso_tests::virtual_board::image::Image;
 use arso_tests::virtual_board::{Rig, Stop};
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::simulate::scenario::Scenario;
-use std::path::Path;
 
 fn start() -> (Rig, PlantFile) {
-    let directory = Path::new(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../target/five-amperes"
-    ));
+    let directory = arso_tests::built("five-amperes");
     let built = "run tests/five-amperes";
     let drive = Drive::load(Some(&directory.join("drive.toml"))).expect(built);
     let firmware = std::fs::read(directory.join("arso-firmware")).expect(built);

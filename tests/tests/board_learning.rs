@@ -9,7 +9,6 @@ use host_sim::chain::controlled_mass;
 use host_sim::drive::{Drive, PlantFile, SETTLING_BAND};
 use host_sim::simulate::bound::bound;
 use host_sim::simulate::scenario::Scenario;
-use std::path::Path;
 
 const PERIODS: usize = 1200;
 /// Settling time over the least that the machine allows.
@@ -35,10 +34,7 @@ fn settling_time(firmware: &[u8], drive: &Drive, plant: &PlantFile) -> f64 {
 
 #[test]
 fn what_was_learned_moves_the_machine_near_its_limit() {
-    let directory = Path::new(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../target/learn-on-board"
-    ));
+    let directory = arso_tests::built("learn-on-board");
     let built = "run tests/learn-on-board";
     let plant = PlantFile::load(&directory.join("plant.toml")).expect(built);
     let learned = Drive::load(Some(&directory.join("learned.toml"))).expect(built);

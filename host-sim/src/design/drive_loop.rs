@@ -114,7 +114,7 @@ impl DriveLoop {
             of_memory: Response::new(
                 &self.transition,
                 &self.input,
-                std::slice::from_ref(&self.output),
+                &DMatrix::from_rows(std::slice::from_ref(&self.output)),
             ),
             through: self.through,
         }

@@ -94,11 +94,7 @@ fn of(
 ) -> Result<Margins> {
     let period = design.drive.control.sample_time;
     let (ad, bd) = design.sampled(&design.chain);
-    let states: Vec<_> = DMatrix::<f64>::identity(bd.len(), bd.len())
-        .row_iter()
-        .map(nalgebra::Matrix::into_owned)
-        .collect();
-    let plant = Response::new(&ad, &bd, &states);
+    let plant = Response::new(&ad, &bd, &DMatrix::identity(bd.len(), bd.len()));
     let response = |omega: f64| -> Option<C> {
         let z = C::from_polar(1.0, omega * period);
         command(z, &plant.at(z)?).map(|command| -command)

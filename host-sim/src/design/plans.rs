@@ -330,11 +330,12 @@ impl<'a> Maker<'a> {
         let mut steps = self.design.chain.states();
         loop {
             let farthest = plans.last().map_or(0.0, |(_, farthest)| *farthest);
-            let fits = bytes + needed(steps) <= room && steps <= LONGEST;
-            if farthest >= travel || (farthest >= overlapping && !fits) {
+            let fits = bytes + needed(steps) <= room;
+            let far_enough = farthest >= overlapping && (!fits || steps > LONGEST);
+            if farthest >= travel || far_enough {
                 break;
             }
-            if bytes + needed(steps) > room {
+            if !fits {
                 return Ok(None);
             }
             if steps > LONGEST {
@@ -344,7 +345,7 @@ impl<'a> Maker<'a> {
                 )));
             }
             let own = Self::slack(steps);
-            // Nor is what is too short for a count.
+            // What is too short for a count is no plan.
             if let Some(distance) = self.farthest(steps - own)
                 && distance >= count
             {

@@ -92,10 +92,7 @@ pub(super) fn settle(
         for _ in 0..STILL.1 {
             let again = fit(&all, &best.coordinates, TOLERANCE, PATIENCE);
             let spread = white(&slopes, best.cost).ok_or_else(undetermined)?;
-            let moved = |i: usize| {
-                (again.coordinates[i] - best.coordinates[i]).abs() / spread[(i, i)].sqrt()
-            };
-            still = (0..quantities).all(|i| moved(i) < STILL.0);
+            still = within(STILL.0, &again, &best, &spread, quantities);
             if again.cost < best.cost {
                 best = again;
                 slopes = slopes_at(&best).ok_or_else(undetermined)?;
@@ -110,14 +107,8 @@ pub(super) fn settle(
         }
         let spread = white(&slopes, best.cost).ok_or_else(undetermined)?;
         let sides = from_either_side(logs, residuals, &best, &spread);
-        strays.clear();
-        let strayed = |end: &&Fit| {
-            (0..quantities).any(|i| {
-                let distance = end.coordinates[i] - best.coordinates[i];
-                distance.abs() > ASTRAY * spread[(i, i)].sqrt()
-            })
-        };
-        strays.extend(sides.iter().filter(strayed).cloned());
+        let strayed = |end: &&Fit| !within(ASTRAY, end, &best, &spread, quantities);
+        strays = sides.iter().filter(strayed).cloned().collect();
         ends.extend(sides);
         let variance = 2.0 * best.cost / slopes.nrows() as f64;
         let better = ends
@@ -145,6 +136,16 @@ pub(super) fn settle(
         cost: best.cost,
         rivals: ranked(ends, quantities),
         strays,
+    })
+}
+
+/// Whether two ends are that near in every quantity, standard deviations.
+///
+/// * `spread`: covariance of the coordinates
+fn within(limit: f64, a: &Fit, b: &Fit, spread: &DMatrix<f64>, quantities: usize) -> bool {
+    (0..quantities).all(|i| {
+        let distance = a.coordinates[i] - b.coordinates[i];
+        distance.abs() < limit * spread[(i, i)].sqrt()
     })
 }
 

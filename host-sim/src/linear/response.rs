@@ -6,7 +6,7 @@
 //!
 //! `Q` is orthogonal and found once; what is left to solve at each `z` takes as many products as `H` has elements.
 
-use nalgebra::{Complex, DMatrix, DVector, Hessenberg, RowDVector};
+use nalgebra::{Complex, DMatrix, DVector, Hessenberg};
 
 type C = Complex<f64>;
 
@@ -23,17 +23,9 @@ pub struct Response {
 
 impl Response {
     /// * `a`, n x n, and `b`, n: the system, `n` at least one
-    /// * `outputs`: rows of `C`
+    /// * `outputs`: `C`, a row for each
     #[must_use]
-    pub fn new(a: &DMatrix<f64>, b: &DVector<f64>, outputs: &[RowDVector<f64>]) -> Self {
-        let outputs = DMatrix::from_rows(outputs);
-        if b.len() < 2 {
-            return Self {
-                transition: a.clone(),
-                input: b.clone(),
-                output: outputs,
-            };
-        }
+    pub fn new(a: &DMatrix<f64>, b: &DVector<f64>, outputs: &DMatrix<f64>) -> Self {
         let (q, transition) = Hessenberg::new(a.clone()).unpack();
         Self {
             transition,
@@ -102,12 +94,9 @@ mod tests {
         ) {
             let a = DMatrix::from_column_slice(7, 7, &elements[..49]);
             let b = DVector::from_column_slice(&elements[49..]);
-            let outputs: Vec<_> = (0..7)
-                .map(|state| RowDVector::from_fn(7, |_, column| f64::from(u8::from(state == column))))
-                .collect();
             // Outside of where its poles can be.
             let z = C::from_polar(8.0, angle);
-            let state = Response::new(&a, &b, &outputs).at(z).unwrap();
+            let state = Response::new(&a, &b, &DMatrix::identity(7, 7)).at(z).unwrap();
             let missed = &state * z - a.map(C::from) * &state - b.map(C::from);
             prop_assert!(missed.norm() < 1e-12 * b.norm().max(1e-3), "{missed}");
         }
@@ -118,7 +107,7 @@ mod tests {
     fn a_pole_has_no_response() {
         let one = DVector::from_element(1, 1.0);
         let pole = DMatrix::from_element(1, 1, 0.5);
-        let response = Response::new(&pole, &one, &[RowDVector::from_element(1, 1.0)]);
+        let response = Response::new(&pole, &one, &DMatrix::identity(1, 1));
         assert_eq!(response.at(C::new(2.5, 0.0)).unwrap()[0], C::from(0.5));
         assert!(response.at(C::from(0.5)).is_none());
         // Two that integrate one another: both are at one.
@@ -126,7 +115,7 @@ mod tests {
         let response = Response::new(
             &double,
             &DVector::from_column_slice(&[0.5, 1.0]),
-            &[RowDVector::from_row_slice(&[1.0, 0.0])],
+            &DMatrix::from_row_slice(1, 2, &[1.0, 0.0]),
         );
         assert!(response.at(C::from(1.0)).is_none());
         // (z + 1) / 2 (z - 1)^2

@@ -160,7 +160,6 @@ impl MoveSequence {
     }
 }
 
-/// A move must be one, and of a length that can be kept.
 /// Refuses a distance that no drive with this encoder can move.
 ///
 /// # Errors
@@ -176,6 +175,7 @@ pub fn require_a_count(drive: &Drive, distance: f64) -> Result<()> {
     Err(Error::parameter("move", distance, rule))
 }
 
+/// A move must be one, and of a length that can be kept.
 fn require_possible(design: &Design, distance: f64, planned: f64) -> Result<()> {
     require_a_count(&design.drive, distance)?;
     if planned.is_nan() || planned > LONGEST {

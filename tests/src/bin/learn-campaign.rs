@@ -1,11 +1,11 @@
-//! One move teaches the drive, whole: see `arso_tests::learning`.
+//! One move teaches the drive, whole: see `arso_tests::learning`; and `arso_tests::coverage`.
 
 use arso_tests::coverage::coverage;
-use arso_tests::learning::{Imperfection, degradation, imperfections, lessons, wide};
+use arso_tests::learning::{degradation, imperfections, lessons, wide};
 use clap::Parser;
 use host_sim::design::Design;
 use host_sim::drive::{DEFAULT_DRIVE, Drive};
-use host_sim::error::Result;
+use host_sim::error::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -48,7 +48,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli) -> Result<bool> {
     let text = match &cli.drive {
         None => DEFAULT_DRIVE.to_owned(),
-        Some(path) => std::fs::read_to_string(path).map_err(host_sim::error::Error::read(path))?,
+        Some(path) => std::fs::read_to_string(path).map_err(Error::read(path))?,
     };
     let drive = Drive::load(cli.drive.as_deref())?;
     let design = Design::new(&drive)?;
@@ -66,9 +66,18 @@ fn run(cli: &Cli) -> Result<bool> {
     }
     if cli.imperfect > 0 {
         let plants = wide(&drive, cli.imperfect, cli.seed);
+        let mut asked = imperfections();
+        asked.retain(|one| one.name.contains(&cli.only));
+        if asked.is_empty() {
+            let all: Vec<_> = imperfections().iter().map(|one| one.name).collect();
+            return Err(Error::Usage(format!(
+                "--only {}: no such thing, there are: {}",
+                cli.only,
+                all.join("; ")
+            )));
+        }
         println!("| | right | refused | wrong |\n|---|---|---|---|");
-        let asked = |one: &Imperfection| one.name.contains(&cli.only);
-        for imperfection in imperfections().into_iter().filter(asked) {
+        for imperfection in asked {
             let all = degradation(&design, &plants, cli.distance, &imperfection)?;
             println!(
                 "| {} | {} | {} | {} |",
