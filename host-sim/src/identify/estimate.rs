@@ -1,12 +1,15 @@
 //! The search: machines whose predictions err least.
 //!
 //! ```text
-//! starts --noise held, beginning of the record--> ranked --noise free, whole record--> ends
+//! starts --much noise held, beginning of the record--> ranked --less and less of it--> ranked
+//!        --noise free, whole record--> ends
 //! ```
 //!
 //! The coordinates of the search are the free quantities and both densities of noise. While the starts are
-//! told apart the noise is held where the filter follows what is slower than the load: a filter whose noise
-//! is free explains a wrong machine as noise, and the search ends there.
+//! told apart the noise is held: a filter whose noise is free explains a wrong machine as noise, and the search
+//! ends there. At first it is held so high that the filter forgets within a few samples: its errors then depend
+//! on the machine smoothly. Over many periods of a vibration each mode that is off by a beat makes a minimum of
+//! its own. In the end it is where the filter follows what is slower than the load.
 
 use super::least_squares::{Fit, fit};
 use super::log::period;
@@ -22,6 +25,8 @@ const RANGE: f64 = 14.0;
 const HELD: f64 = 0.3;
 /// The random force then, over the one that alone would have that bandwidth.
 const QUIET: f64 = 0.1;
+/// By how much more the random force is held at first, and then, as logarithms; the wander by its integral's share.
+const MORE: [f64; 3] = [8.0, 4.0, 0.0];
 /// Standard deviation of the quantities before the log is seen: a factor of e to either side of the
 /// drive file, a tenth of the motor's force for friction. Against what a log says this weighs nothing.
 const QUANTITY_DEVIATION: f64 = 1.0;
@@ -180,11 +185,12 @@ pub(super) fn search(
             log.beginning(rows.min(BEGINNING.1) as usize)
         })
         .collect();
-    let roughly = |x: &[f64], tolerance: f64| -> Option<Fit> {
+    let roughly = |x: &[f64], tolerance: f64, more: f64| -> Option<Fit> {
         let machine = parameters.machine(x);
+        let noise = residuals.held.more(more);
         let gains: Vec<Gain> = beginning
             .iter()
-            .map(|log| Gain::new(log, &machine, residuals.held, parameters.force()))
+            .map(|log| Gain::new(log, &machine, noise, parameters.force()))
             .collect::<Option<_>>()?;
         let first = |x: &[f64]| Some(residuals.with_noise_held(&beginning, &gains, x));
         Some(fit(&first, x, tolerance, PATIENCE))
@@ -192,12 +198,16 @@ pub(super) fn search(
     progress(0, 4, "starts");
     let fits = starts
         .par_iter()
-        .filter_map(|machine| roughly(&parameters.coordinates(machine), TOLERANCE[0]))
+        .filter_map(|machine| roughly(&parameters.coordinates(machine), TOLERANCE[0], MORE[0]))
         .collect();
     let fits = ranked(fits, quantities)
         .par_iter()
         .take(PROMISING)
-        .filter_map(|start| roughly(&start.coordinates, TOLERANCE[1]))
+        .filter_map(|start| {
+            MORE.iter().try_fold(start.clone(), |fit, more| {
+                roughly(&fit.coordinates, TOLERANCE[1], *more)
+            })
+        })
         .collect();
     progress(1, 4, "whole record");
     let followed = ranked(fits, quantities);

@@ -28,6 +28,17 @@ pub(super) struct Noise {
     pub(super) wander: f64,
 }
 
+impl Noise {
+    /// More of it by a logarithm of the random force; of the wandering one, which is integrated once more, by half
+    /// as much again, so that the filter is faster as a whole.
+    pub(super) fn more(self, by: f64) -> Self {
+        Self {
+            force: self.force + by,
+            wander: self.wander + 1.5 * by,
+        }
+    }
+}
+
 /// Distance from the steady gain, relative to it, at which the gain counts as steady.
 const STEADY: f64 = 1e-3;
 /// Periods over which the gain runs into the steady one, at most: after a rest, and where more is unknown.

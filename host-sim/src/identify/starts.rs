@@ -1,15 +1,12 @@
 //! Where the search begins: around the drive file, and where the frequency response points.
 //!
 //! A user knows masses best and springs least, so the springs are varied; friction makes minima of its own,
-//! so it is varied as well. Many loads have minima where each part is off by itself: machines are drawn.
-//! Where the record excites more frequencies than there are unknowns, the machines that fit its frequency
-//! response are tried too.
+//! so it is varied as well. Where the record excites more frequencies than there are unknowns, the machines
+//! that fit its frequency response are tried too.
 
 use super::frequency::{self, Point};
 use super::{Experiment, Machine, Parameters, Quantity};
 use crate::chain::Chain;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 /// Factors on every spring.
 const STIFFNESS: [f64; 5] = [1.0, 0.65, 0.8, 1.25, 1.5];
@@ -17,15 +14,6 @@ const STIFFNESS: [f64; 5] = [1.0, 0.65, 0.8, 1.25, 1.5];
 const MASS: [f64; 3] = [1.0, 0.6, 1.6];
 /// Coulomb friction, in shares of the motor's largest force.
 const FRICTION: [f64; 3] = [0.0, 0.015, 0.05];
-/// Loads from which on there are false minima between machines whose parts differ from each other, and how
-/// many such machines are drawn then.
-const MANY: usize = 4;
-const DRAWN: usize = 32;
-const SEED: u64 = 1;
-/// How far these are drawn, as logarithms: all springs together, each spring and mass by itself, each damper.
-const COMMON: f64 = 0.4;
-const PART: f64 = 0.2;
-const DAMPING: f64 = 0.7;
 
 /// The machines to start from.
 ///
@@ -74,31 +62,8 @@ pub(super) fn starts(
             result.push(machine);
         }
     }
-    if parameters.experiment() == Experiment::Excitation && start.chain().loads() >= MANY {
-        result.extend(drawn(parameters, &start));
-    }
     if response.len() >= parameters.free().count() {
         result.extend(frequency::starts(parameters, response, period));
     }
     result
-}
-
-/// Machines whose parts differ from those of another each by itself, always the same ones.
-fn drawn(parameters: &Parameters, around: &Machine) -> Vec<Machine> {
-    let nominal = parameters.coordinates(around);
-    let mut random = ChaCha8Rng::seed_from_u64(SEED);
-    let mut within = |spread: f64| random.random_range(-spread..spread);
-    let machines = (0..DRAWN).map(|_| {
-        let common = within(COMMON);
-        let moved = parameters.free().zip(&nominal).map(|(quantity, x)| {
-            x + match quantity {
-                Quantity::ActuatorMass | Quantity::Mass(_) => within(PART),
-                Quantity::Stiffness(_) => common + within(PART),
-                Quantity::Damping(_) => within(DAMPING),
-                _ => 0.0,
-            }
-        });
-        parameters.machine(&moved.collect::<Vec<_>>())
-    });
-    machines.collect()
 }
