@@ -87,6 +87,16 @@ impl<'a> Residuals<'a> {
         }
     }
 
+    /// Coordinates of more noise than is held, see [`Noise::more`].
+    fn beyond(&self, more: f64) -> [f64; 2] {
+        let noise = self.held.more(more);
+        [
+            noise.force - self.held.force,
+            noise.wander - self.held.wander,
+        ]
+        .map(|x| RANGE * (x / RANGE).atanh())
+    }
+
     /// What the filter makes of a log.
     pub(super) fn prediction(
         &self,
@@ -195,6 +205,18 @@ pub(super) fn search(
         let first = |x: &[f64]| Some(residuals.with_noise_held(&beginning, &gains, x));
         Some(fit(&first, x, tolerance, PATIENCE))
     };
+    // To where the records are predicted best, the noise held so among the coordinates.
+    let less_and_less = |start: Fit| -> Option<Fit> {
+        let mut fit = start;
+        let mut all = Vec::new();
+        for more in MORE {
+            fit = roughly(&fit.coordinates, TOLERANCE[1], more)?;
+            let mut with_noise = fit.clone();
+            with_noise.coordinates.extend(residuals.beyond(more));
+            all.push(with_noise);
+        }
+        all.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
+    };
     progress(0, 4, "starts");
     let fits = starts
         .par_iter()
@@ -203,11 +225,7 @@ pub(super) fn search(
     let fits = ranked(fits, quantities)
         .par_iter()
         .take(PROMISING)
-        .filter_map(|start| {
-            MORE.iter().try_fold(start.clone(), |fit, more| {
-                roughly(&fit.coordinates, TOLERANCE[1], *more)
-            })
-        })
+        .filter_map(|start| less_and_less(start.clone()))
         .collect();
     progress(1, 4, "whole record");
     let followed = ranked(fits, quantities);
@@ -215,11 +233,7 @@ pub(super) fn search(
         .par_iter()
         .take(FOLLOWED.0)
         .filter(|start| start.cost <= FOLLOWED.1 * followed[0].cost)
-        .map(|start| {
-            let mut x = start.coordinates.clone();
-            x.extend([0.0; 2]);
-            closely(logs, residuals, &x)
-        })
+        .map(|start| closely(logs, residuals, &start.coordinates))
         .collect();
     let ends = ranked(fits, quantities);
     if ends.is_empty() {
