@@ -177,7 +177,6 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
     pub fn request(&mut self, request: Request) -> Result<(), Refusal> {
         let mode = self.mode();
         let next = mode.next(request)?;
-        let request = self.absolute(request);
         match (request, self.excitation, &mut self.activity) {
             (Request::Excite, None, _) => {
                 let reason = Reason::NoExcitation;
@@ -210,20 +209,6 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         }
         self.telemetry.fault_value = 0.0;
         Ok(())
-    }
-
-    /// A move from the target on, as one to a place.
-    fn absolute(&self, request: Request) -> Request {
-        let (Request::MoveBy(counts), Activity::Running(running)) = (request, &self.activity)
-        else {
-            return request;
-        };
-        let target = match (running.asked, &running.memory) {
-            (Some(Request::Move(place) | Request::Step(place)), _) => place,
-            (_, Some(memory)) => memory.target,
-            (_, None) => self.encoder.place(),
-        };
-        Request::Move(Place(target.0.saturating_add(counts)))
     }
 
     /// Stops the drive with a fault that was found outside of it; the first fault stays.
