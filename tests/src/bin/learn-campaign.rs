@@ -103,7 +103,7 @@ fn run(cli: &Cli) -> Result<bool> {
     }
     if cli.coverage > 0 {
         let all = coverage(cli.first..cli.first + cli.coverage, cli.seed, |one| {
-            println!("{one}")
+            println!("{one}");
         });
         print!("{all}");
         passed &= all.within_three(None) >= 0.98 && all.worst(None) <= 6.0;
