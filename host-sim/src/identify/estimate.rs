@@ -25,8 +25,12 @@ const RANGE: f64 = 14.0;
 const HELD: f64 = 0.3;
 /// The random force then, over the one that alone would have that bandwidth.
 const QUIET: f64 = 0.1;
-/// By how much more the random force is held at first, and then, as logarithms; the wander by its integral's share.
-const MORE: [f64; 3] = [8.0, 4.0, 0.0];
+/// By how much more the random force is held at first, and then, as logarithms; the wander by its integral's
+/// share. Few loads have few false minima, and what else a machine has is told better with little noise.
+const MORE: &[f64] = &[8.0, 4.0, 0.0];
+const MORE_OF_FEW: &[f64] = &[0.0];
+/// Loads that are few.
+const FEW: usize = 3;
 /// Standard deviation of the quantities before the log is seen: a factor of e to either side of the
 /// drive file, a tenth of the motor's force for friction. Against what a log says this weighs nothing.
 const QUANTITY_DEVIATION: f64 = 1.0;
@@ -205,11 +209,13 @@ pub(super) fn search(
         let first = |x: &[f64]| Some(residuals.with_noise_held(&beginning, &gains, x));
         Some(fit(&first, x, tolerance, PATIENCE))
     };
+    let few = parameters.start().chain().loads() <= FEW;
+    let levels = if few { MORE_OF_FEW } else { MORE };
     // To where the records are predicted best, the noise held so among the coordinates.
     let less_and_less = |start: Fit| -> Option<Fit> {
         let mut fit = start;
         let mut all = Vec::new();
-        for more in MORE {
+        for &more in levels {
             fit = roughly(&fit.coordinates, TOLERANCE[1], more)?;
             let mut with_noise = fit.clone();
             with_noise.coordinates.extend(residuals.beyond(more));
@@ -220,7 +226,7 @@ pub(super) fn search(
     progress(0, 4, "starts");
     let fits = starts
         .par_iter()
-        .filter_map(|machine| roughly(&parameters.coordinates(machine), TOLERANCE[0], MORE[0]))
+        .filter_map(|machine| roughly(&parameters.coordinates(machine), TOLERANCE[0], levels[0]))
         .collect();
     let fits = ranked(fits, quantities)
         .par_iter()
