@@ -27,10 +27,9 @@ const HELD: f64 = 0.3;
 const QUIET: f64 = 0.1;
 /// By how much more the random force is held at first, and then, as logarithms; the wander by its integral's
 /// share. Few loads have few false minima, and what else a machine has is told better with little noise.
-const MORE: &[f64] = &[8.0, 4.0, 0.0];
-const MORE_OF_FEW: &[f64] = &[0.0];
-/// Loads that are few.
-const FEW: usize = 3;
+const MORE: [f64; 3] = [8.0, 4.0, 0.0];
+/// Loads that are few, and from which of these on they begin.
+const FEW: (usize, usize) = (3, 2);
 /// Standard deviation of the quantities before the log is seen: a factor of e to either side of the
 /// drive file, a tenth of the motor's force for friction. Against what a log says this weighs nothing.
 const QUANTITY_DEVIATION: f64 = 1.0;
@@ -209,17 +208,17 @@ pub(super) fn search(
         let first = |x: &[f64]| Some(residuals.with_noise_held(&beginning, &gains, x));
         Some(fit(&first, x, tolerance, PATIENCE))
     };
-    let few = parameters.start().chain().loads() <= FEW;
-    let levels = if few { MORE_OF_FEW } else { MORE };
+    let few = parameters.start().chain().loads() <= FEW.0;
+    let levels = &MORE[if few { FEW.1 } else { 0 }..];
     // To where the records are predicted best, the noise held so among the coordinates.
-    let less_and_less = |start: Fit| -> Option<Fit> {
-        let mut fit = start;
+    let less_and_less = |start: &Fit| -> Option<Fit> {
+        let mut x = start.coordinates.clone();
         let mut all = Vec::new();
         for &more in levels {
-            fit = roughly(&fit.coordinates, TOLERANCE[1], more)?;
-            let mut with_noise = fit.clone();
-            with_noise.coordinates.extend(residuals.beyond(more));
-            all.push(with_noise);
+            let mut fit = roughly(&x, TOLERANCE[1], more)?;
+            x.clone_from(&fit.coordinates);
+            fit.coordinates.extend(residuals.beyond(more));
+            all.push(fit);
         }
         all.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
@@ -231,7 +230,7 @@ pub(super) fn search(
     let fits = ranked(fits, quantities)
         .par_iter()
         .take(PROMISING)
-        .filter_map(|start| less_and_less(start.clone()))
+        .filter_map(less_and_less)
         .collect();
     progress(1, 4, "whole record");
     let followed = ranked(fits, quantities);

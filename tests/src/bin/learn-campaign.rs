@@ -102,9 +102,8 @@ fn run(cli: &Cli) -> Result<bool> {
         }
     }
     if cli.coverage > 0 {
-        let all = coverage(cli.first..cli.first + cli.coverage, cli.seed, |one| {
-            println!("{one}");
-        });
+        let drives = cli.first..cli.first.saturating_add(cli.coverage);
+        let all = coverage(drives, cli.seed, |one| println!("{one}"));
         print!("{all}");
         passed &= all.within_three(None) >= 0.98 && all.worst(None) <= 6.0;
     }
