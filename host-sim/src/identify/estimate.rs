@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! starts --much noise held, beginning of the record--> ranked --less and less of it--> ranked
+//!        --little noise held, beginning of the record----------------------------------> as well
 //!        --noise free, whole record--> ends
 //! ```
 //!
@@ -26,10 +27,13 @@ const HELD: f64 = 0.3;
 /// The random force then, over the one that alone would have that bandwidth.
 const QUIET: f64 = 0.1;
 /// By how much more the random force is held at first, and then, as logarithms; the wander by its integral's
-/// share. Few loads have few false minima, and what else a machine has is told better with little noise.
+/// share.
 const MORE: [f64; 3] = [8.0, 4.0, 0.0];
-/// Loads that are few, and from which of these on they begin.
-const FEW: (usize, usize) = (3, 2);
+/// Where the beginning says little at first, starts are lost so that are found from little noise at once.
+const HELD_ALONE: [f64; 1] = [0.0];
+/// Loads up to which the search goes on from little noise in any case: what else a machine has is told better with
+/// it.
+const FEW: usize = 3;
 /// Standard deviation of the quantities before the log is seen: a factor of e to either side of the
 /// drive file, a tenth of the motor's force for friction. Against what a log says this weighs nothing.
 const QUANTITY_DEVIATION: f64 = 1.0;
@@ -208,30 +212,40 @@ pub(super) fn search(
         let first = |x: &[f64]| Some(residuals.with_noise_held(&beginning, &gains, x));
         Some(fit(&first, x, tolerance, PATIENCE))
     };
-    let few = parameters.start().chain().loads() <= FEW.0;
-    let levels = &MORE[if few { FEW.1 } else { 0 }..];
-    // To where the records are predicted best, the noise held so among the coordinates.
-    let less_and_less = |start: &Fit| -> Option<Fit> {
-        let mut x = start.coordinates.clone();
-        let mut all = Vec::new();
-        for &more in levels {
-            let mut fit = roughly(&x, TOLERANCE[1], more)?;
-            x.clone_from(&fit.coordinates);
-            fit.coordinates.extend(residuals.beyond(more));
-            all.push(fit);
-        }
-        all.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
+    let few = parameters.start().chain().loads() <= FEW;
+    let starts: Vec<Vec<f64>> = starts
+        .iter()
+        .map(|machine| parameters.coordinates(machine))
+        .collect();
+    // The promising of the starts, followed from the first of some levels of noise through the others, at which
+    // they go on with the whole records.
+    let promising = |levels: &[f64]| -> Vec<Fit> {
+        let fits = starts
+            .par_iter()
+            .filter_map(|start| roughly(start, TOLERANCE[0], levels[0]))
+            .collect();
+        let less_and_less = |start: &Fit| -> Option<Vec<Fit>> {
+            let mut x = start.coordinates.clone();
+            let mut all = Vec::new();
+            for more in levels {
+                let mut fit = roughly(&x, TOLERANCE[1], *more)?;
+                x.clone_from(&fit.coordinates);
+                fit.coordinates.extend(residuals.beyond(*more));
+                all.push(fit);
+            }
+            let last = if few { levels.len() - 1 } else { 0 };
+            Some(all.split_off(last))
+        };
+        ranked(fits, quantities)
+            .par_iter()
+            .take(PROMISING)
+            .filter_map(less_and_less)
+            .flatten()
+            .collect()
     };
     progress(0, 4, "starts");
-    let fits = starts
-        .par_iter()
-        .filter_map(|machine| roughly(&parameters.coordinates(machine), TOLERANCE[0], levels[0]))
-        .collect();
-    let fits = ranked(fits, quantities)
-        .par_iter()
-        .take(PROMISING)
-        .filter_map(less_and_less)
-        .collect();
+    let mut fits = promising(&MORE);
+    fits.extend(promising(&HELD_ALONE));
     progress(1, 4, "whole record");
     let followed = ranked(fits, quantities);
     let fits: Vec<Fit> = followed
