@@ -7,6 +7,7 @@
 //!                    +---- time: cycles of each instruction (timing)          |
 //!        plant <- amplifier <- converter and enable pin <---------------------+
 //!          +----> quadrature edges -> encoder timer
+//!        world <-> USART1 <-- DMA2 --> memory
 //! ```
 //!
 //! Deterministic: there is no clock but the processor's own cycles. A register that no model
@@ -24,6 +25,7 @@ pub mod nvic;
 pub mod peripheral;
 pub mod rig;
 pub mod rtt;
+pub mod serial;
 pub mod timing;
 
 pub use cpu::{Board, Stop};

@@ -3,6 +3,7 @@
 use arso_core::Mode;
 use arso_tests::virtual_board::image::Image;
 use arso_tests::virtual_board::rig::{Period, Switches};
+use arso_tests::virtual_board::serial::{self, Bridge, Listener};
 use arso_tests::virtual_board::{Rig, Stop};
 use clap::Parser;
 use clap::builder::PossibleValuesParser;
@@ -15,8 +16,11 @@ use host_sim::output::{print, write_file};
 use host_sim::report::time;
 use host_sim::simulate::scenario::{SCENARIOS, Scenario};
 use serde_json::json;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// Runs the firmware that is flashed, unmodified, on an emulated drive board: it proves its signs,
@@ -42,6 +46,18 @@ struct Cli {
     /// Play the excitation instead.
     #[arg(long, conflicts_with_all = ["scenario", "periods"])]
     excite: bool,
+    /// Instead of an experiment run on in step with this machine's clock, the run switch closed and the
+    /// target switches at 0, with the drive's serial port as a pseudo-terminal. The first line of the
+    /// output names it. Ctrl-C or the end of standard input end it.
+    #[arg(long, conflicts_with_all = ["scenario", "periods", "excite", "csv", "json"])]
+    serial: bool,
+    /// The same with the serial port as a TCP server, for one client at a time; port 0 takes a free one.
+    #[arg(
+        long,
+        value_name = "HOST:PORT",
+        conflicts_with_all = ["scenario", "periods", "excite", "csv", "json"]
+    )]
+    tcp: Option<String>,
     /// Write what the firmware logged, a raw defmt stream.
     #[arg(long, value_name = "FILE")]
     rtt: Option<PathBuf>,
@@ -62,6 +78,9 @@ fn scenario_names() -> PossibleValuesParser {
             .map(|scenario| scenario.name),
     )
 }
+
+/// The serial port is to be closed.
+static END: AtomicBool = AtomicBool::new(false);
 
 fn main() -> ExitCode {
     match Cli::parse().run() {
@@ -92,6 +111,9 @@ impl Cli {
         let stopped = |stop: Stop| Error::Simulation(stop.to_string());
         let start = Instant::now();
         let mut rig = Rig::start(&image, &drive, &plant, |_| {}).map_err(stopped)?;
+        if self.serial || self.tcp.is_some() {
+            return self.serve(&mut rig, &bytes, &place, &drive);
+        }
         let (title, result) = if self.excite {
             ("excitation: current in open loop".to_owned(), rig.excite())
         } else {
@@ -178,6 +200,58 @@ impl Cli {
         self.require_arrival(&capture, &rig, scenario, drive.control.sample_time)
     }
 
+    /// Runs on with the serial port open.
+    fn serve(&self, rig: &mut Rig, elf: &[u8], place: &str, drive: &Drive) -> Result<(), Error> {
+        rig.switch_on()
+            .map_err(|stop| Error::Simulation(stop.to_string()))?;
+        let capture = read_defmt(elf, place, &rig.log[..], |_| ())?;
+        require_same_drive(&capture, drive)?;
+        for message in &capture.messages {
+            eprintln!("{message}");
+        }
+        let usage = |what: String| move |error| Error::Usage(format!("{what}: {error}"));
+        ctrlc::set_handler(|| END.store(true, Ordering::Relaxed))
+            .map_err(|error| Error::Usage(format!("Ctrl-C cannot be caught: {error}")))?;
+        // Reading blocks, so a thread does it, which ends with the program.
+        std::thread::spawn(|| {
+            let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+            END.store(true, Ordering::Relaxed);
+        });
+        if let Some(address) = &self.tcp {
+            let no = usage(format!("cannot listen on {address}"));
+            let listener = Listener::new(address);
+            let (listener, address) = listener
+                .and_then(|listener| listener.address().map(|address| (listener, address)))
+                .map_err(no)?;
+            print(&format!("tcp {address}\n"))?;
+            self.bridge(rig, Bridge::new(listener))
+        } else {
+            let no = usage("no pseudo-terminal".into());
+            let (terminal, path) = serial::open_terminal().map_err(no)?;
+            print(&format!("serial port {path}\n"))?;
+            self.bridge(rig, Bridge::new(terminal))
+        }
+    }
+
+    fn bridge<P: Read + Write>(&self, rig: &mut Rig, mut bridge: Bridge<P>) -> Result<(), Error> {
+        // There is no end to wait for: the log is written as it comes.
+        let mut file = match &self.rtt {
+            Some(path) => Some((path, File::create(path).map_err(Error::write(path))?)),
+            None => None,
+        };
+        let log = |bytes: &[u8]| match &mut file {
+            Some((path, file)) => file
+                .write_all(bytes)
+                .map_err(|error| Ended::Error(Error::write(path)(error))),
+            None => Ok(()),
+        };
+        let late = || eprintln!("warning: this machine is too slow for real time");
+        serial::run(rig, &mut bridge, &END, log, late).map_err(|ended| match ended {
+            Ended::Stop(stop) => Error::Simulation(stop.to_string()),
+            Ended::Error(error) => error,
+        })
+    }
+
     /// A run that a fault ended, or whose controlled mass is not within 2 % of its target, is a failed run.
     fn require_arrival(
         &self,
@@ -215,6 +289,18 @@ impl Cli {
         Err(Error::Simulation(format!(
             "mass {mass} ends {off:.3e} from its target, more than 2 % of the motion"
         )))
+    }
+}
+
+/// What ends the serial port before its time.
+enum Ended {
+    Stop(Stop),
+    Error(Error),
+}
+
+impl From<Stop> for Ended {
+    fn from(stop: Stop) -> Self {
+        Self::Stop(stop)
     }
 }
 

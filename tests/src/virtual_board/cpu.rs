@@ -10,6 +10,7 @@
 
 mod hardware;
 mod snapshot;
+mod transfers;
 
 pub use snapshot::Snapshot;
 
@@ -349,6 +350,7 @@ impl Board {
         let begin = self.bus().now;
         loop {
             self.bus_mut().advance();
+            self.carry_out_transfers();
             let machine = self.uc.get_data_mut();
             machine.reschedule();
             if machine.bus.ticks != ticks {
@@ -683,7 +685,7 @@ fn write(uc: &mut Unicorn<'_, Machine>, address: u32, size: usize, value: u32) {
     let result = if mask == u32::MAX {
         machine.bus.write(word, value)
     } else {
-        let rest = machine.bus.read(word);
+        let rest = machine.bus.beneath(word);
         rest.and_then(|rest| {
             machine
                 .bus

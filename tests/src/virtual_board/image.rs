@@ -61,6 +61,17 @@ impl Image {
         Ok(Self { flash, symbols })
     }
 
+    /// Words at the beginning of flash, without symbols.
+    #[cfg(test)]
+    pub(super) fn of_words(words: &[u32]) -> Self {
+        let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        flash.resize(FLASH_SIZE as usize, 0xFF);
+        Self {
+            flash,
+            symbols: Vec::new(),
+        }
+    }
+
     /// Address of a symbol.
     #[must_use]
     pub fn symbol(&self, name: &str) -> Option<u32> {

@@ -2,6 +2,7 @@
 
 pub mod converter;
 pub mod cycle_counter;
+pub mod dma;
 pub mod encoder_timer;
 pub mod external_lines;
 pub mod flash;
@@ -11,6 +12,7 @@ pub mod rcc;
 pub mod system_control;
 pub mod systick;
 pub mod tick_timer;
+pub mod usart;
 pub mod watchdog;
 
 /// No model knows this register.

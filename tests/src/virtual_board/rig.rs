@@ -308,15 +308,25 @@ impl Rig {
         (0..periods).map(|_| self.period()).collect()
     }
 
+    /// Leaves the run switch open for a while and closes it, the target switches at 0: the drive
+    /// commissions itself from now on.
+    ///
+    /// # Errors
+    /// Whatever stops the firmware.
+    pub fn switch_on(&mut self) -> Result<(), Stop> {
+        self.switches(Switches::default());
+        self.periods(SETTLED)?;
+        self.switches(Switches::run(0));
+        Ok(())
+    }
+
     /// Leaves the run switch open for a while, closes it until the drive has commissioned itself and
     /// holds the origin, and opens it again.
     ///
     /// # Errors
     /// Whatever stops the firmware; [`Stop::NotCommissioned`] when the drive does not come to hold.
     pub fn commission(&mut self) -> Result<(), Stop> {
-        self.switches(Switches::default());
-        self.periods(SETTLED)?;
-        self.switches(Switches::run(0));
+        self.switch_on()?;
         let last = self.periods(COMMISSIONING)?.pop();
         self.switches(Switches::default());
         self.periods(SETTLED)?;

@@ -25,6 +25,7 @@ impl Board {
         self.uc.get_data_mut().limit = limit;
         let result = loop {
             self.bus_mut().advance();
+            self.carry_out_transfers();
             let machine = self.uc.get_data_mut();
             machine.reschedule();
             let bus = &mut machine.bus;

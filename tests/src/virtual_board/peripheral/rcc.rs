@@ -90,6 +90,15 @@ impl Rcc {
         }
     }
 
+    /// Processor cycles per cycle of the bus APB2 [7.3.3].
+    #[must_use]
+    pub fn cycles_per_apb2_cycle(&self) -> u64 {
+        match self.cfgr >> 13 & 0b111 {
+            divider @ 0b100.. => 1 << (divider - 0b011),
+            _ => 1,
+        }
+    }
+
     /// Whether a peripheral on AHB1 has its clock.
     #[must_use]
     pub fn ahb1(&self, bit: u32) -> bool {
@@ -100,6 +109,12 @@ impl Rcc {
     #[must_use]
     pub fn apb1(&self, bit: u32) -> bool {
         self.enables[4] >> bit & 1 == 1
+    }
+
+    /// Whether a peripheral on APB2 has its clock.
+    #[must_use]
+    pub fn apb2(&self, bit: u32) -> bool {
+        self.enables[5] >> bit & 1 == 1
     }
 }
 
@@ -148,6 +163,19 @@ impl Peripheral for Rcc {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// APB2 at 84 MHz is the processor's clock divided by 2.
+    #[test]
+    fn second_bus() {
+        let mut rcc = Rcc::default();
+        assert_eq!(rcc.cycles_per_apb2_cycle(), 1);
+        for (divider, cycles) in [(0b011, 1), (0b100, 2), (0b101, 4), (0b111, 16)] {
+            rcc.write(0x08, divider << 13, 0).unwrap();
+            assert_eq!(rcc.cycles_per_apb2_cycle(), cycles);
+        }
+        rcc.write(0x44, 1 << 4, 0).unwrap();
+        assert!(rcc.apb2(4) && !rcc.apb2(5));
+    }
 
     /// 8 MHz / 4 * 168 / 2 = 168 MHz, APB1 divided by 4: timers at 84 MHz.
     #[test]
