@@ -46,6 +46,22 @@ struct Cli {
     /// Play the excitation instead.
     #[arg(long, conflicts_with_all = ["scenario", "periods"])]
     excite: bool,
+    #[command(flatten)]
+    serial: Serial,
+    /// Write what the firmware logged, a raw defmt stream.
+    #[arg(long, value_name = "FILE")]
+    rtt: Option<PathBuf>,
+    /// Print every control period of the experiment, or of the excitation, as CSV.
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The board as something to talk to.
+#[derive(Debug, clap::Args)]
+struct Serial {
     /// Instead of an experiment run on in step with this machine's clock, the run switch closed and the
     /// target switches at 0, with the drive's serial port as a pseudo-terminal. The first line of the
     /// output names it. Ctrl-C or the end of standard input end it.
@@ -58,15 +74,6 @@ struct Cli {
         conflicts_with_all = ["scenario", "periods", "excite", "csv", "json"]
     )]
     tcp: Option<String>,
-    /// Write what the firmware logged, a raw defmt stream.
-    #[arg(long, value_name = "FILE")]
-    rtt: Option<PathBuf>,
-    /// Print every control period of the experiment, or of the excitation, as CSV.
-    #[arg(long, conflicts_with = "json")]
-    csv: bool,
-    /// Print the summary as JSON.
-    #[arg(long)]
-    json: bool,
 }
 
 fn scenario_names() -> PossibleValuesParser {
@@ -111,18 +118,10 @@ impl Cli {
         let stopped = |stop: Stop| Error::Simulation(stop.to_string());
         let start = Instant::now();
         let mut rig = Rig::start(&image, &drive, &plant, |_| {}).map_err(stopped)?;
-        if self.serial || self.tcp.is_some() {
+        if self.serial.serial || self.serial.tcp.is_some() {
             return self.serve(&mut rig, &bytes, &place, &drive);
         }
-        let (title, result) = if self.excite {
-            ("excitation: current in open loop".to_owned(), rig.excite())
-        } else {
-            let result = rig.commission();
-            (
-                format!("{}: {}", scenario.name, scenario.title(drive.kind)),
-                result.and_then(|()| rig.experiment(scenario, &plant, self.periods)),
-            )
-        };
+        let (title, result) = self.play(&mut rig, scenario, &drive, &plant);
         let elapsed = start.elapsed().as_secs_f64();
         if let Some(path) = &self.rtt {
             write_file(path, &rig.log)?;
@@ -200,6 +199,23 @@ impl Cli {
         self.require_arrival(&capture, &rig, scenario, drive.control.sample_time)
     }
 
+    /// Title and course of what is asked for.
+    fn play(
+        &self,
+        rig: &mut Rig,
+        scenario: &Scenario,
+        drive: &Drive,
+        plant: &PlantFile,
+    ) -> (String, Result<Vec<Period>, Stop>) {
+        if self.excite {
+            return ("excitation: current in open loop".into(), rig.excite());
+        }
+        let title = format!("{}: {}", scenario.name, scenario.title(drive.kind));
+        let result = rig.commission();
+        let result = result.and_then(|()| rig.experiment(scenario, plant, self.periods));
+        (title, result)
+    }
+
     /// Runs on with the serial port open.
     fn serve(&self, rig: &mut Rig, elf: &[u8], place: &str, drive: &Drive) -> Result<(), Error> {
         rig.switch_on()
@@ -217,7 +233,7 @@ impl Cli {
             let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
             END.store(true, Ordering::Relaxed);
         });
-        if let Some(address) = &self.tcp {
+        if let Some(address) = &self.serial.tcp {
             let no = usage(format!("cannot listen on {address}"));
             let listener = Listener::new(address);
             let (listener, address) = listener

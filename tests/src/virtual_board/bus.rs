@@ -409,7 +409,7 @@ mod tests {
     }
 
     /// USART1 at 1 Mbaud with its pins, as [`send`](Bus::send) and the drive need them; DMA for both
-    /// directions: 4 bytes round at 0x2000_0100, and 3 from 0x2000_0200.
+    /// directions: 4 bytes round at `0x2000_0100`, and 3 from `0x2000_0200`.
     fn with_serial_port() -> Bus {
         let mut bus = Bus::new();
         for (address, value) in [

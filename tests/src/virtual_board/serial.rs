@@ -330,7 +330,7 @@ mod tests {
                 (MOST_ARRIVING, 10)
             );
         }
-        transmit(&mut bus, &[7; MOST_LEAVING + 10]);
+        transmit(&mut bus, &vec![7; MOST_LEAVING + 10]);
         bridge.exchange(&mut bus);
         assert_eq!(bridge.leaving.len(), MOST_LEAVING);
         // The next peer gets nothing of it.
