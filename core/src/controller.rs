@@ -177,17 +177,21 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
     pub fn request(&mut self, request: Request) -> Result<(), Refusal> {
         let mode = self.mode();
         let next = mode.next(request)?;
+        let request = self.absolute(request);
+        let refused = |reason| {
+            Err(Refusal {
+                request,
+                mode,
+                reason,
+            })
+        };
         match (request, self.excitation, &mut self.activity) {
-            (Request::Excite, None, _) => {
-                let reason = Reason::NoExcitation;
-                return Err(Refusal {
-                    request,
-                    mode,
-                    reason,
-                });
-            }
+            (Request::Excite, None, _) => return refused(Reason::NoExcitation),
             (Request::Excite, Some(excitation), activity) => {
                 *activity = Activity::Exciting(Exciting::new(excitation));
+            }
+            (Request::Jog(Velocity(velocity)), ..) if !velocity.is_finite() => {
+                return refused(Reason::Unreachable);
             }
             (Request::Jog(_) | Request::Halt, _, Activity::Running(running)) => {
                 running.asked = Some(request);
@@ -195,12 +199,14 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             (Request::Step(target) | Request::Move(target), _, Activity::Running(running)) => {
                 let travel = self.parts.protection.travel();
                 if self.encoder.is_set() && travel.is_some_and(|travel| !travel.contains(target)) {
-                    let reason = Reason::Travel;
-                    return Err(Refusal {
-                        request,
-                        mode,
-                        reason,
-                    });
+                    return refused(Reason::Travel);
+                }
+                let from = match &running.memory {
+                    Some(memory) => memory.target,
+                    None => self.encoder.place(),
+                };
+                if !self.parts.moves.lead(from, target) {
+                    return refused(Reason::Unreachable);
                 }
                 running.asked = Some(request);
             }
@@ -209,6 +215,20 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         }
         self.telemetry.fault_value = 0.0;
         Ok(())
+    }
+
+    /// A move from the target on, as one to a place.
+    fn absolute(&self, request: Request) -> Request {
+        let (Request::MoveBy(counts), Activity::Running(running)) = (request, &self.activity)
+        else {
+            return request;
+        };
+        let target = match (running.asked, &running.memory) {
+            (Some(Request::Move(place) | Request::Step(place)), _) => place,
+            (_, Some(memory)) => memory.target,
+            (_, None) => self.encoder.place(),
+        };
+        Request::Move(Place(target.0.saturating_add(counts)))
     }
 
     /// Stops the drive with a fault that was found outside of it; the first fault stays.

@@ -5,6 +5,7 @@
 //! latched until `Stop` acknowledges it; a limit that merely acts (current limited) is no fault and shows
 //! in the telemetry.
 
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// How a fault stops the drive.
@@ -19,7 +20,7 @@ pub enum Reaction {
 macro_rules! faults {
     ($($number:literal $name:ident $reaction:ident $sentence:literal, $remedy:literal, $setting:expr;)*) => {
         /// A fault that stops the drive.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[serde(rename_all = "snake_case")]
         #[repr(u8)]

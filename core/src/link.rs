@@ -1,12 +1,25 @@
 //! What is asked of the drive, and what it answers. Plain data without a transport.
+//!
+//! ```text
+//! bytes --frame--> message --server--> request --Controller::request--> outcome --server--> message --frame--> bytes
+//! ```
+//!
+//! [`message`] and [`frame`] put it on a wire, [`server`] is the drive's end of it, and [`cia402`] has the names of
+//! the profile for drives.
+
+pub mod cia402;
+pub mod frame;
+pub mod message;
+pub mod server;
 
 use crate::mode::Mode;
 use crate::units::{Place, Velocity};
 use core::fmt;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// What can be asked of the drive. What is taken takes effect with the next period.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[serde(rename_all = "snake_case")]
 pub enum Request {
@@ -25,6 +38,9 @@ pub enum Request {
     Step(Place),
     /// Move there by a plan, on top of what is under way; running drives only.
     Move(Place),
+    /// Move so many counts on from the target, of the move that waits or of the one that is under way; running
+    /// drives only.
+    MoveBy(i64),
     /// Move at that velocity until something else is asked; running drives only.
     Jog(Velocity),
     /// Come to rest by a plan and stay there; running drives only.
@@ -32,7 +48,7 @@ pub enum Request {
 }
 
 /// Why a request was not taken.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Refusal {
     /// What was asked.
@@ -44,7 +60,7 @@ pub struct Refusal {
 }
 
 /// What stands in the way of a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
@@ -54,6 +70,10 @@ pub enum Reason {
     NoExcitation,
     /// The target is outside the travel.
     Travel,
+    /// The run switch is open.
+    RunSwitch,
+    /// No move leads there: a value that is no number, or more of it than can be counted in periods.
+    Unreachable,
 }
 
 impl Mode {
@@ -69,7 +89,11 @@ impl Mode {
             (Self::Ready, Request::Start)
             | (
                 Self::Running,
-                Request::Step(_) | Request::Move(_) | Request::Jog(_) | Request::Halt,
+                Request::Step(_)
+                | Request::Move(_)
+                | Request::MoveBy(_)
+                | Request::Jog(_)
+                | Request::Halt,
             ) => Ok(Self::Running),
             (Self::Running | Self::Ready, Request::Stop) => Ok(Self::Ready),
             // Whatever else is going on.
@@ -92,7 +116,7 @@ impl fmt::Display for Refusal {
             Request::Stop => ("stop", "any"),
             Request::SetPosition(_) => ("set position", "an idle or ready"),
             Request::Step(_) => ("step", "a running"),
-            Request::Move(_) => ("move", "a running"),
+            Request::Move(_) | Request::MoveBy(_) => ("move", "a running"),
             Request::Jog(_) => ("jog", "a running"),
             Request::Halt => ("halt", "a running"),
         };
@@ -102,6 +126,8 @@ impl fmt::Display for Refusal {
                 f,
                 "{request}: the target is outside the travel, the drive is "
             ),
+            Reason::RunSwitch => write!(f, "{request}: the run switch is open, the drive is "),
+            Reason::Unreachable => write!(f, "{request}: no move leads there, the drive is "),
             Reason::NoExcitation => write!(f, "{request}: there is nothing to play, the drive is "),
         }?;
         match self.mode {
@@ -171,6 +197,7 @@ mod tests {
             ),
             (step, vec![(Running, Running)]),
             (Request::Move(Place(10_000)), vec![(Running, Running)]),
+            (Request::MoveBy(-10_000), vec![(Running, Running)]),
             (Request::Jog(Velocity(0.1)), vec![(Running, Running)]),
             (Request::Halt, vec![(Running, Running)]),
         ];
@@ -205,6 +232,7 @@ mod tests {
             Request::Stop,
             Request::Step(Place(0)),
             Request::Move(Place(0)),
+            Request::MoveBy(1),
             Request::Jog(Velocity(0.1)),
             Request::Halt,
         ];

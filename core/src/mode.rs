@@ -12,10 +12,11 @@
 //! [`Mode::next`] is the whole of that table; what a mode remembers is the controller's.
 
 use crate::fault::Fault;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// What the drive is doing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {

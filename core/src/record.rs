@@ -35,12 +35,12 @@
 //! | 3 | number of its samples, below bit 16; bit 16: it has ended; bit 17: the move went on |
 //! | from 4 on | a sample each: lower half of the counter as read, and above it the current applied over the period before, in steps |
 //!
-//! Nothing here takes more than a few words a period; a reset empties the ring. Who reads it while the machine
-//! moves may find its oldest stretch overwritten.
+//! Nothing here takes more than a few words a period; a reset empties the ring.
 
 use crate::settings::Settings;
 use crate::telemetry::Identity;
 use crate::units::{Counts, Current, Place};
+use core::sync::atomic::{AtomicU32, Ordering};
 
 /// How a record begins.
 pub const MAGIC: [u8; 16] = *b"arso: last moves";
@@ -65,12 +65,13 @@ const RESTED: f32 = 0.05;
 /// Steps of a current that has none of its own.
 const STEPS: f32 = 32_767.0;
 
-/// The memory of a record: so many words beside its header.
-#[derive(Clone, Debug)]
+/// The memory of a record: so many words beside its header. Who reads it while it is written finds each word whole,
+/// and may find its oldest stretch overwritten.
+#[derive(Debug)]
 #[repr(C)]
 pub struct LastMoves<const RING: usize> {
-    header: [u32; HEADER],
-    ring: [u32; RING],
+    header: [AtomicU32; HEADER],
+    ring: [AtomicU32; RING],
 }
 
 impl<const RING: usize> LastMoves<RING> {
@@ -79,23 +80,33 @@ impl<const RING: usize> LastMoves<RING> {
     #[expect(clippy::new_without_default, reason = "for a static")]
     pub const fn new() -> Self {
         Self {
-            header: [0; HEADER],
-            ring: [0; RING],
+            header: [const { AtomicU32::new(0) }; HEADER],
+            ring: [const { AtomicU32::new(0) }; RING],
         }
+    }
+
+    /// The word at a place, from the beginning of the header.
+    #[must_use]
+    pub fn word(&self, place: usize) -> Option<u32> {
+        let word = match place.checked_sub(HEADER) {
+            None => self.header.get(place),
+            Some(place) => self.ring.get(place),
+        };
+        word.map(read)
     }
 
     /// All words, in their order.
     pub fn words(&self) -> impl Iterator<Item = u32> {
-        self.header.iter().chain(&self.ring).copied()
+        self.header.iter().chain(&self.ring).map(read)
     }
+}
 
-    /// What is in it.
-    ///
-    /// # Errors
-    /// Before a [`Recorder`] has it.
-    pub fn read(&self) -> Result<Record<'_>, Unreadable> {
-        Record::new(&self.header, &self.ring)
-    }
+fn read(word: &AtomicU32) -> u32 {
+    word.load(Ordering::Relaxed)
+}
+
+fn write(place: &AtomicU32, word: u32) {
+    place.store(word, Ordering::Relaxed);
 }
 
 /// What the loop, or an excitation, does with the machine.
@@ -156,7 +167,7 @@ enum State {
 /// Writes the last moves into their memory, period by period.
 #[derive(Debug)]
 pub struct Recorder<'m, const RING: usize> {
-    memory: &'m mut LastMoves<RING>,
+    memory: &'m LastMoves<RING>,
     scale: Scale,
     /// Steps per A.
     steps: f32,
@@ -194,14 +205,14 @@ impl<'m, const RING: usize> Recorder<'m, RING> {
     };
 
     /// An empty record.
-    pub fn new(memory: &'m mut LastMoves<RING>, drive: &Identity<'_>, scale: Scale) -> Self {
+    pub fn new(memory: &'m LastMoves<RING>, drive: &Identity<'_>, scale: Scale) -> Self {
         let [a, b, c, d] = words_of(MAGIC);
         let mut kind = [0; 16];
         for (place, byte) in kind[..8].iter_mut().zip(drive.kind.bytes()) {
             *place = byte;
         }
         let [kind, more, ..] = words_of(kind);
-        memory.header = [
+        let header = [
             a,
             b,
             c,
@@ -218,6 +229,9 @@ impl<'m, const RING: usize> Recorder<'m, RING> {
             0,
             0,
         ];
+        for (place, word) in memory.header.iter().zip(header) {
+            write(place, word);
+        }
         Self {
             memory,
             scale,
@@ -241,14 +255,6 @@ impl<'m, const RING: usize> Recorder<'m, RING> {
             oldest: 0,
             held: 0,
         }
-    }
-
-    /// What has been recorded.
-    ///
-    /// # Errors
-    /// Where control period or step are no positive numbers.
-    pub fn read(&self) -> Result<Record<'_>, Unreadable> {
-        self.memory.read()
     }
 
     /// One period.
@@ -341,7 +347,7 @@ impl<'m, const RING: usize> Recorder<'m, RING> {
                 .memory
                 .ring
                 .get(wrapped::<RING>(self.oldest + BEFORE - 1));
-            let size = BEFORE + (samples.copied().unwrap_or(0) & SAMPLES) as usize;
+            let size = BEFORE + (samples.map_or(0, read) & SAMPLES) as usize;
             self.oldest = wrapped::<RING>(self.oldest + size);
             self.used = self.used.saturating_sub(size);
             self.held -= 1;
@@ -352,8 +358,8 @@ impl<'m, const RING: usize> Recorder<'m, RING> {
     }
 
     fn push(&mut self, word: u32) {
-        if let Some(place) = self.memory.ring.get_mut(self.next) {
-            *place = word;
+        if let Some(place) = self.memory.ring.get(self.next) {
+            write(place, word);
         }
         self.next = wrapped::<RING>(self.next + 1);
         self.used += 1;
@@ -361,14 +367,14 @@ impl<'m, const RING: usize> Recorder<'m, RING> {
 
     fn note_samples(&mut self, flags: u32) {
         let place = wrapped::<RING>(self.begin + BEFORE - 1);
-        if let Some(word) = self.memory.ring.get_mut(place) {
-            *word = self.samples as u32 | flags;
+        if let Some(place) = self.memory.ring.get(place) {
+            write(place, self.samples as u32 | flags);
         }
     }
 
     fn note_extent(&mut self) {
-        self.memory.header[OLDEST] = self.oldest as u32;
-        self.memory.header[HELD] = self.held;
+        write(&self.memory.header[OLDEST], self.oldest as u32);
+        write(&self.memory.header[HELD], self.held);
     }
 }
 

@@ -5,10 +5,11 @@
 //! [`Telemetry::columns`] is the one list of what there is, by name, quantity and order.
 
 use crate::mode::Mode;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize, Serializer};
 
 /// Record of one control period; `L` holds a value for each load mass.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[serde(bound(serialize = "L: AsRef<[f32]>", deserialize = "L: Deserialize<'de>"))]
 pub struct Telemetry<L> {
     /// Number of the control period; wraps.

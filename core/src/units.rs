@@ -3,6 +3,7 @@
 //! The number inside is in the SI unit named; arithmetic is done on it in the open. It is an `f32`
 //! unless the analysis on the PC says otherwise.
 
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Raw reading of the encoder's counter, as the hardware delivers it.
@@ -10,7 +11,9 @@ use serde::{Deserialize, Serialize};
 pub struct Counts(pub u32);
 
 /// Position of the actuator in whole counts from zero: exact, however far away that is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema,
+)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Place(pub i64);
 
@@ -28,7 +31,7 @@ impl Place {
 pub struct Position(pub f32);
 
 /// Velocity, m/s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Velocity<T = f32>(pub T);
 

@@ -19,8 +19,8 @@ const SCALE: Scale = Scale {
 };
 
 fn memory() -> Vec<u8> {
-    let mut memory = LastMoves::<1500>::new();
-    let mut recorder = Recorder::new(&mut memory, &DRIVE, SCALE);
+    let memory = LastMoves::<1500>::new();
+    let mut recorder = Recorder::new(&memory, &DRIVE, SCALE);
     for period in 0..800 {
         let tick = period % 400;
         let course = if tick < 20 {
@@ -89,8 +89,8 @@ fn what_is_not_there_is_said() {
         code == 2 && error.contains("ram.bin: none of its 7 bytes"),
         "{error}"
     );
-    let mut empty = LastMoves::<100>::new();
-    Recorder::new(&mut empty, &DRIVE, SCALE);
+    let empty = LastMoves::<100>::new();
+    Recorder::new(&empty, &DRIVE, SCALE);
     let bytes: Vec<u8> = empty.words().flat_map(u32::to_le_bytes).collect();
     let (code, _, error) = record(&bytes, &[]);
     assert!(

@@ -72,6 +72,13 @@ impl Moves<'_> {
         Ok(moved)
     }
 
+    /// Whether a move leads from one place to another, with as much to spare as it may have to wait.
+    pub fn lead(&self, from: Place, to: Place) -> bool {
+        let distance = to.counts_from(from) as f32 * self.resolution;
+        let periods = distance.abs() / (self.plans.change.reach * self.sample_time);
+        periods < LONGEST / 2.0
+    }
+
     /// The target is to be another one, so many counts from the one before.
     fn go<const N: usize>(
         &self,

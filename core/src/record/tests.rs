@@ -111,15 +111,16 @@ fn held(record: Record<'_>) -> Vec<Move> {
     stretches.collect()
 }
 
-fn record<const RING: usize>(given: &[Given], bits: u32) -> LastMoves<RING> {
-    let mut memory = LastMoves::new();
-    let mut recorder = Recorder::new(&mut memory, &drive(), scale(bits));
+/// The words of the memory after all that.
+fn record<const RING: usize>(given: &[Given], bits: u32) -> Vec<u32> {
+    let memory = LastMoves::<RING>::new();
+    let mut recorder = Recorder::new(&memory, &drive(), scale(bits));
     for (now, period) in given.iter().zip(7..) {
         let count = Counts((now.place as u64 & (u64::MAX >> (64 - bits))) as u32);
         let applied = Current(f32::from(now.steps) * 1e-3);
         recorder.step(period, count, applied, now.course);
     }
-    memory
+    memory.words().collect()
 }
 
 /// Periods in which the same is done with the machine, and it moves at one velocity.
@@ -152,8 +153,8 @@ fn stretches_of_time() -> impl Strategy<Value = Vec<Given>> {
 /// least the last two.
 fn agrees<const RING: usize>(given: &[Given], bits: u32) -> Result<(), TestCaseError> {
     let all = moves(given, bits, RING / 2 - BEFORE);
-    let memory = record::<RING>(given, bits);
-    let found = held(memory.read().unwrap());
+    let mut words = record::<RING>(given, bits);
+    let found = held(Record::parse(&words).unwrap());
     let mut room = RING;
     let fits = all.iter().rev().take_while(|one| {
         let words = BEFORE + one.samples.len();
@@ -165,7 +166,7 @@ fn agrees<const RING: usize>(given: &[Given], bits: u32) -> Result<(), TestCaseE
     prop_assert!(fits >= all.len().min(2));
     prop_assert_eq!(&found[..], &all[all.len() - fits..]);
     // The same in a copy, whatever follows.
-    let words: Vec<u32> = memory.words().chain([1, 2, 3]).collect();
+    words.extend([1, 2, 3]);
     let copy = Record::parse(&words).unwrap();
     prop_assert_eq!(held(copy), found);
     prop_assert_eq!(copy.drive(), drive());
@@ -192,10 +193,10 @@ proptest! {
         hits in prop::collection::vec((any::<prop::sample::Index>(), any::<u32>()), 0..4),
         cut in 0_usize..120,
     ) {
-        held(record::<0>(&given, bits).read().unwrap());
-        held(record::<7>(&given, bits).read().unwrap());
-        held(record::<13>(&given, bits).read().unwrap());
-        let mut words: Vec<u32> = record::<64>(&given, bits).words().collect();
+        held(Record::parse(&record::<0>(&given, bits)).unwrap());
+        held(Record::parse(&record::<7>(&given, bits)).unwrap());
+        held(Record::parse(&record::<13>(&given, bits)).unwrap());
+        let mut words = record::<64>(&given, bits);
         for (at, value) in hits {
             let at = at.index(words.len());
             words[at] = value;
@@ -224,8 +225,8 @@ fn a_long_move_keeps_its_beginning_and_the_move_before() {
         steps: k as i16,
         course: Course::Moved,
     }));
-    let memory = record::<128>(&all, 16);
-    let moves = held(memory.read().unwrap());
+    let words = record::<128>(&all, 16);
+    let moves = held(Record::parse(&words).unwrap());
     let extent = moves
         .iter()
         .map(|one| (one.period, one.samples.len(), one.cut));
@@ -251,19 +252,20 @@ fn nothing_is_recorded_without_a_command() {
         steps: 3,
         course: Course::Held(Place(77)),
     }));
-    assert_eq!(held(record::<128>(&all, 16).read().unwrap()), []);
+    assert_eq!(held(Record::parse(&record::<128>(&all, 16)).unwrap()), []);
 }
 
 #[test]
 fn currents_are_the_steps_they_were() {
-    let mut memory = LastMoves::<64>::new();
-    let mut recorder = Recorder::new(&mut memory, &drive(), scale(16));
+    let memory = LastMoves::<64>::new();
+    let mut recorder = Recorder::new(&memory, &drive(), scale(16));
     let currents = [2.047_f32, -2.048, 0.0004, -0.0006, f32::NAN, 1e9, -1e9];
     for (current, period) in currents.iter().zip(1..) {
         recorder.step(period, Counts(0), Current(*current), Course::Moved);
     }
     let steps = [2047, -2048, 0, -1, 0, 32_767, -32_768].map(|steps: i16| f32::from(steps) * 1e-3);
-    let record = recorder.read().unwrap();
+    let words: Vec<u32> = memory.words().collect();
+    let record = Record::parse(&words).unwrap();
     let stretch = record.stretches().next().unwrap();
     let found: Vec<f32> = stretch.samples().map(|sample| sample.applied.0).collect();
     assert_eq!(found, steps);
@@ -272,11 +274,9 @@ fn currents_are_the_steps_they_were() {
 
 #[test]
 fn what_is_no_record_is_told_apart() {
-    let memory = LastMoves::<64>::new();
-    assert_eq!(memory.read().err(), Some(Unreadable::Magic));
-    let good: Vec<u32> = record::<64>(&given(0, Course::Moved, 3), 16)
-        .words()
-        .collect();
+    let nothing: Vec<u32> = LastMoves::<64>::new().words().collect();
+    assert_eq!(Record::parse(&nothing).err(), Some(Unreadable::Magic));
+    let good = record::<64>(&given(0, Course::Moved, 3), 16);
     let with = |place: usize, word: u32| {
         let mut words = good.clone();
         words[place] = word;

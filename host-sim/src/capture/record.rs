@@ -86,7 +86,7 @@ mod tests {
 
     /// Memory of a drive that has made three moves, in the midst of other things.
     fn dump() -> Vec<u8> {
-        let mut memory = record::LastMoves::<2000>::new();
+        let memory = record::LastMoves::<2000>::new();
         let drive = Identity {
             kind: "rotary",
             loads: 2,
@@ -98,7 +98,7 @@ mod tests {
             step: Current(2e-3),
             tolerance: 5,
         };
-        let mut recorder = Recorder::new(&mut memory, &drive, scale);
+        let mut recorder = Recorder::new(&memory, &drive, scale);
         let mut period = 0;
         for number in 1..=3_u32 {
             for tick in 0..700 {

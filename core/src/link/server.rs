@@ -1,0 +1,583 @@
+//! The drive's end of the link, fed from its idle loop; knows nothing of lines and interrupts.
+//!
+//! ```text
+//! bytes --take--> question --> answer ----------------------------------------+
+//!                    | request: to the control interrupt                      v
+//!                    +--------> outcome --outcome--> answer --> frames --waiting--> bytes
+//! record of each period --period--> status, faults, telemetry ----------------^
+//! ```
+//!
+//! *Once.* A request that comes again with its number, because its answer was lost, is answered again and not
+//! carried out again. [`HELLO`] begins anew.
+//!
+//! *Silence.* A jog goes on for as long as frames come. After [`SILENCE`] seconds without one the machine is
+//! brought to rest by a plan.
+
+use super::frame::{LONGEST, Receiver, frame};
+use super::message::{
+    Answer, Answered, Ask, Asked, FAULTS, HELLO, Introduction, PastFault, Status, TAG, WORDS,
+};
+use super::{Refusal, Request};
+use crate::fault::Fault;
+use crate::mode::Mode;
+use crate::record::Course;
+use crate::telemetry::Telemetry;
+use heapless::{Deque, Vec};
+use serde::Serialize;
+
+/// How long nothing may be heard in a jog, s.
+pub const SILENCE: f32 = 0.1;
+/// Bytes that wait for the line, at most.
+pub const WAITING: usize = 512;
+
+/// What is known of a period beside its record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// What is done with the machine.
+    pub course: Course,
+    /// Whether the run switch is closed.
+    pub run_switch: bool,
+    /// Vibration of the load, rms, m.
+    pub vibration: f32,
+}
+
+/// A request, and the number under which it came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numbered {
+    /// Of the question; none where the link did not ask.
+    pub number: Option<u8>,
+    /// What is asked.
+    pub request: Request,
+}
+
+/// Telemetry that was subscribed to.
+#[derive(Clone, Copy, Debug)]
+struct Subscription {
+    number: u8,
+    /// Control periods from one to the next, and until the next.
+    every: u16,
+    left: u16,
+}
+
+/// What the drive's end of the link remembers.
+#[derive(Clone, Debug)]
+pub struct Server {
+    introduction: Introduction,
+    receiver: Receiver,
+    waiting: Vec<u8, WAITING>,
+    subscription: Option<Subscription>,
+    /// The last request, and what became of it.
+    last: Option<(Asked, Option<Result<(), Refusal>>)>,
+    status: Status,
+    faults: Deque<PastFault, FAULTS>,
+    /// Control periods without a frame, and how many are too many in a jog.
+    silent: u32,
+    patience: u32,
+}
+
+impl Server {
+    /// A drive that nobody has spoken to.
+    #[must_use]
+    pub fn new(introduction: Introduction) -> Self {
+        Self {
+            // The cast saturates.
+            patience: (SILENCE / introduction.sample_time) as u32,
+            introduction,
+            receiver: Receiver::default(),
+            waiting: Vec::new(),
+            subscription: None,
+            last: None,
+            status: Status::default(),
+            faults: Deque::new(),
+            silent: 0,
+        }
+    }
+
+    /// Whether the link commands the drive: something was asked of it since the reset.
+    #[must_use]
+    pub fn remote(&self) -> bool {
+        self.status.remote
+    }
+
+    /// Takes a byte from the line; gives what is asked of the drive, whose [`outcome`](Self::outcome) is awaited.
+    ///
+    /// * `word`: of the last moves, where there is such a one
+    pub fn take(&mut self, byte: u8, word: impl Fn(usize) -> Option<u32>) -> Option<Numbered> {
+        let frame = match self.receiver.take(byte)? {
+            Ok(frame) => frame,
+            Err(_) => {
+                self.damaged();
+                return None;
+            }
+        };
+        match frame.tag {
+            HELLO => {
+                (self.last, self.subscription) = (None, None);
+                put(&mut self.waiting, HELLO, &self.introduction);
+                None
+            }
+            TAG => match frame.message() {
+                Ok(asked) => {
+                    self.silent = 0;
+                    self.answer(asked, word)
+                }
+                Err(_) => {
+                    self.damaged();
+                    None
+                }
+            },
+            // Of another version.
+            _ => None,
+        }
+    }
+
+    fn damaged(&mut self) {
+        self.status.damaged = self.status.damaged.saturating_add(1);
+    }
+
+    fn answer(&mut self, asked: Asked, word: impl Fn(usize) -> Option<u32>) -> Option<Numbered> {
+        let Asked { number, ask } = asked;
+        let answer = match ask {
+            Ask::Status => Answer::Status(self.status),
+            Ask::Heartbeat => Answer::Taken,
+            Ask::Subscribe(every) => {
+                self.subscription = (every > 0).then_some(Subscription {
+                    number,
+                    every,
+                    left: 0,
+                });
+                Answer::Taken
+            }
+            Ask::LastMoves(first) => {
+                let places = usize::from(first)..usize::from(first) + WORDS;
+                Answer::LastMoves(places.map_while(word).collect())
+            }
+            Ask::Faults => Answer::Faults(self.faults.iter().copied().collect()),
+            Ask::Request(request) => {
+                self.status.remote = true;
+                match self.last {
+                    Some((last, outcome)) if last == asked => match outcome {
+                        Some(Ok(())) => Answer::Taken,
+                        Some(Err(refusal)) => Answer::Refused(refusal),
+                        None => return None,
+                    },
+                    _ => {
+                        self.last = Some((asked, None));
+                        let number = Some(number);
+                        return Some(Numbered { number, request });
+                    }
+                }
+            }
+        };
+        self.say(number, answer);
+        None
+    }
+
+    /// The request that [`take`](Self::take) has given last cannot be put to the drive now.
+    pub fn busy(&mut self) {
+        if let Some((asked, None)) = self.last {
+            self.last = None;
+            self.say(asked.number, Answer::Busy);
+        }
+    }
+
+    /// What became of a request, whoever asked.
+    pub fn outcome(&mut self, asked: Numbered, outcome: Result<(), Refusal>) {
+        if outcome.is_ok() {
+            self.status.jogging = matches!(asked.request, Request::Jog(_));
+        }
+        let Some(number) = asked.number else {
+            return;
+        };
+        if let Some((last, awaited @ None)) = &mut self.last
+            && last.number == number
+        {
+            *awaited = Some(outcome);
+        }
+        self.say(
+            number,
+            outcome.map_or_else(Answer::Refused, |()| Answer::Taken),
+        );
+    }
+
+    /// Takes what a control period was; gives what is asked of the drive where the host has fallen silent.
+    pub fn period<const N: usize>(
+        &mut self,
+        record: &Telemetry<[f32; N]>,
+        seen: &Seen,
+    ) -> Option<Numbered> {
+        let before = self.status;
+        let expected = before.period.wrapping_add(1);
+        // The first one has none before it.
+        let missed = if before.period == 0 {
+            0
+        } else {
+            record.period.wrapping_sub(expected)
+        };
+        let held = match seen.course {
+            Course::Held(place) if record.mode == Mode::Running => Some(place),
+            _ => None,
+        };
+        self.status = Status {
+            period: record.period,
+            mode: record.mode,
+            fault_value: record.fault_value,
+            run_switch: seen.run_switch,
+            position_set: record.position_set,
+            jogging: before.jogging && record.mode == Mode::Running && held.is_none(),
+            held,
+            position: record.position,
+            reference: record.reference,
+            velocity: record.velocity,
+            command: record.command,
+            limited: record.limited,
+            vibration: seen.vibration,
+            worst_cycles: before.worst_cycles.max(record.cycles),
+            lost: before.lost.saturating_add(missed),
+            remote: before.remote,
+            damaged: before.damaged,
+        };
+        self.remember(before.mode, record);
+        self.stream(record);
+        self.silent = self.silent.saturating_add(1);
+        if self.silent < self.patience || !self.status.jogging {
+            return None;
+        }
+        self.status.jogging = false;
+        Some(Numbered {
+            number: None,
+            request: Request::Halt,
+        })
+    }
+
+    /// A fault that is new is kept; the oldest makes room.
+    fn remember<const N: usize>(&mut self, before: Mode, record: &Telemetry<[f32; N]>) {
+        let fault_of = |mode: Mode| -> Option<Fault> {
+            match mode {
+                Mode::Stopping(fault) | Mode::Fault(fault) => Some(fault),
+                _ => None,
+            }
+        };
+        let fault = fault_of(record.mode);
+        if fault == fault_of(before) {
+            return;
+        }
+        let Some(fault) = fault else {
+            return;
+        };
+        if self.faults.is_full() {
+            self.faults.pop_front();
+        }
+        let (period, value) = (record.period, record.fault_value);
+        let past = PastFault {
+            period,
+            fault,
+            value,
+        };
+        // There is room.
+        let _ = self.faults.push_back(past);
+    }
+
+    /// Telemetry leaves room for an answer: it is the first to be missed where the line is too slow.
+    fn stream<const N: usize>(&mut self, record: &Telemetry<[f32; N]>) {
+        let Some(subscription) = &mut self.subscription else {
+            return;
+        };
+        if subscription.left > 1 {
+            subscription.left -= 1;
+            return;
+        }
+        subscription.left = subscription.every;
+        let number = subscription.number;
+        if self.waiting.len() + 2 * LONGEST <= WAITING {
+            let answer = Answer::Telemetry(*record);
+            put(&mut self.waiting, TAG, &Answered { number, answer });
+        }
+    }
+
+    fn say(&mut self, number: u8, answer: Answer<[f32; 0]>) {
+        put(&mut self.waiting, TAG, &Answered { number, answer });
+    }
+
+    /// What waits for the line: whole frames.
+    #[must_use]
+    pub fn waiting(&self) -> &[u8] {
+        &self.waiting
+    }
+
+    /// The line has taken all that [`waiting`](Self::waiting) gave.
+    pub fn taken(&mut self) {
+        self.waiting.clear();
+    }
+}
+
+/// A frame behind those that wait. What finds no room is lost, and its host asks again.
+fn put<T: Serialize>(waiting: &mut Vec<u8, WAITING>, tag: u16, message: &T) {
+    let mut buffer = [0; LONGEST];
+    if let Some(bytes) = frame(tag, message, &mut buffer) {
+        let _ = waiting.extend_from_slice(bytes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::link::Reason;
+    use crate::link::message::VERSION;
+    use crate::units::{Place, Velocity};
+    use std::vec::Vec as List;
+
+    type Heard = Answered<List<f32>>;
+
+    fn server() -> Server {
+        Server::new(Introduction {
+            version: VERSION,
+            tag: TAG,
+            firmware: "0.1.0".try_into().unwrap(),
+            kind: "linear".try_into().unwrap(),
+            loads: 3,
+            sample_time: 1e-3,
+            resolution: 1e-6,
+            fingerprint: 0x1234_5678,
+        })
+    }
+
+    fn send<T: Serialize>(server: &mut Server, tag: u16, message: &T) -> Option<Numbered> {
+        let mut buffer = [0; LONGEST];
+        let bytes = frame(tag, message, &mut buffer).unwrap();
+        let mut given = bytes
+            .iter()
+            .filter_map(|byte| server.take(*byte, |place| (place < 30).then_some(place as u32)))
+            .collect::<List<_>>();
+        assert!(given.len() < 2);
+        given.pop()
+    }
+
+    fn ask(server: &mut Server, number: u8, ask: Ask) -> Option<Numbered> {
+        send(server, TAG, &Asked { number, ask })
+    }
+
+    fn heard(server: &mut Server) -> List<Heard> {
+        let mut receiver = Receiver::default();
+        let mut heard = List::new();
+        for byte in server.waiting() {
+            if let Some(frame) = receiver.take(*byte) {
+                let frame = frame.unwrap();
+                assert_eq!(frame.tag, TAG);
+                heard.push(frame.message().unwrap());
+            }
+        }
+        server.taken();
+        heard
+    }
+
+    fn answer(server: &mut Server) -> Answer<List<f32>> {
+        let mut heard = heard(server);
+        assert_eq!(heard.len(), 1);
+        heard.remove(0).answer
+    }
+
+    fn period(server: &mut Server, number: u32, mode: Mode, course: Course) -> Option<Numbered> {
+        let record = Telemetry::<[f32; 3]> {
+            period: number,
+            mode,
+            fault_value: number as f32,
+            ..Telemetry::default()
+        };
+        let seen = Seen {
+            course,
+            run_switch: true,
+            vibration: 0.5,
+        };
+        server.period(&record, &seen)
+    }
+
+    const JOG: Request = Request::Jog(Velocity(0.1));
+
+    #[test]
+    fn a_request_is_carried_out_once_and_answered_as_often_as_it_comes() {
+        let mut server = server();
+        let request = Request::MoveBy(5);
+        let taken = ask(&mut server, 7, Ask::Request(request)).unwrap();
+        assert_eq!((taken.number, taken.request), (Some(7), request));
+        // Its outcome is not known yet.
+        assert_eq!(ask(&mut server, 7, Ask::Request(request)), None);
+        assert_eq!(heard(&mut server), []);
+        let refusal = Refusal {
+            request,
+            mode: Mode::Idle,
+            reason: Reason::Mode,
+        };
+        server.outcome(taken, Err(refusal));
+        assert_eq!(answer(&mut server), Answer::Refused(refusal));
+        assert_eq!(ask(&mut server, 7, Ask::Request(request)), None);
+        assert_eq!(answer(&mut server), Answer::Refused(refusal));
+        // Questions between do not make it new; another number does, another request does, a greeting does.
+        assert_eq!(ask(&mut server, 8, Ask::Heartbeat), None);
+        assert_eq!(ask(&mut server, 7, Ask::Request(request)), None);
+        assert!(ask(&mut server, 9, Ask::Request(request)).is_some());
+        assert!(ask(&mut server, 9, Ask::Request(Request::Halt)).is_some());
+        server.taken();
+        assert_eq!(send(&mut server, HELLO, &()), None);
+        let mut receiver = Receiver::default();
+        let (last, rest) = server.waiting().split_last().unwrap();
+        assert!(rest.iter().all(|byte| receiver.take(*byte).is_none()));
+        let frame = receiver.take(*last).unwrap().unwrap();
+        assert_eq!(frame.tag, HELLO);
+        assert_eq!(frame.message(), Ok(server.introduction.clone()));
+        server.taken();
+        assert!(ask(&mut server, 9, Ask::Request(Request::Halt)).is_some());
+        // What could not be put to the drive may come again.
+        server.busy();
+        assert_eq!(answer(&mut server), Answer::Busy);
+        assert!(ask(&mut server, 9, Ask::Request(Request::Halt)).is_some());
+    }
+
+    #[test]
+    fn only_requests_take_the_drive_over() {
+        let mut server = server();
+        for one in [
+            Ask::Status,
+            Ask::Heartbeat,
+            Ask::Subscribe(0),
+            Ask::LastMoves(0),
+            Ask::Faults,
+        ] {
+            assert_eq!(ask(&mut server, 1, one), None);
+            assert!(!server.remote());
+        }
+        ask(&mut server, 1, Ask::Request(Request::Stop));
+        assert!(server.remote());
+    }
+
+    #[test]
+    fn a_jog_ends_where_the_host_falls_silent() {
+        let mut server = server();
+        let jog = ask(&mut server, 1, Ask::Request(JOG)).unwrap();
+        server.outcome(jog, Ok(()));
+        for number in 0..99 {
+            assert_eq!(
+                period(&mut server, number, Mode::Running, Course::Moved),
+                None
+            );
+        }
+        // A frame is a sign of life, noise and frames of other versions are none.
+        ask(&mut server, 2, Ask::Heartbeat);
+        for number in 0..99 {
+            assert_eq!(
+                period(&mut server, number, Mode::Running, Course::Moved),
+                None
+            );
+            send(&mut server, TAG ^ 0x5555, &());
+            server.take(1, |_| None);
+            server.take(0, |_| None);
+        }
+        let halt = period(&mut server, 99, Mode::Running, Course::Moved).unwrap();
+        assert_eq!((halt.number, halt.request), (None, Request::Halt));
+        assert_eq!(period(&mut server, 100, Mode::Running, Course::Moved), None);
+        // Nobody is answered.
+        server.taken();
+        server.outcome(halt, Ok(()));
+        assert_eq!(heard(&mut server), []);
+        // A move needs no sign of life, nor does a jog that has ended otherwise.
+        for (request, mode, course) in [
+            (Request::Move(Place(3)), Mode::Running, Course::Moved),
+            (JOG, Mode::Running, Course::Held(Place(3))),
+            (JOG, Mode::Ready, Course::Free),
+        ] {
+            let asked = ask(&mut server, 9, Ask::Request(request)).unwrap();
+            server.outcome(asked, Ok(()));
+            for number in 0..300 {
+                assert_eq!(period(&mut server, number, mode, course), None);
+            }
+            send(&mut server, HELLO, &());
+        }
+    }
+
+    #[test]
+    fn faults_are_remembered_once_each_the_newest_eight() {
+        let mut server = server();
+        let mut expected = List::new();
+        for number in 0..10 {
+            let fault = if number % 2 == 0 {
+                Fault::Thermal
+            } else {
+                Fault::Travel
+            };
+            let begin = 10 * number + 1;
+            period(&mut server, begin - 1, Mode::Running, Course::Moved);
+            period(&mut server, begin, Mode::Stopping(fault), Course::Moved);
+            period(&mut server, begin + 1, Mode::Stopping(fault), Course::Moved);
+            period(&mut server, begin + 2, Mode::Fault(fault), Course::Free);
+            expected.push(PastFault {
+                period: begin,
+                fault,
+                value: begin as f32,
+            });
+        }
+        ask(&mut server, 1, Ask::Faults);
+        let Answer::Faults(faults) = answer(&mut server) else {
+            panic!("no faults");
+        };
+        assert_eq!(faults[..], expected[2..]);
+    }
+
+    #[test]
+    fn telemetry_comes_at_its_rate_and_leaves_room_for_answers() {
+        let mut server = server();
+        ask(&mut server, 3, Ask::Subscribe(4));
+        assert_eq!(answer(&mut server), Answer::Taken);
+        let mut periods = List::new();
+        for number in 1..=12 {
+            period(&mut server, number, Mode::Idle, Course::Free);
+            for heard in heard(&mut server) {
+                assert_eq!(heard.number, 3);
+                let Answer::Telemetry(record) = heard.answer else {
+                    panic!("{heard:?}");
+                };
+                assert_eq!(record.load_position.len(), 3);
+                periods.push(record.period);
+            }
+        }
+        assert_eq!(periods, [1, 5, 9]);
+        // The line takes nothing for a while.
+        ask(&mut server, 4, Ask::Subscribe(1));
+        for number in 13..100 {
+            period(&mut server, number, Mode::Idle, Course::Free);
+        }
+        ask(&mut server, 5, Ask::LastMoves(6));
+        let mut heard = heard(&mut server);
+        let words: heapless::Vec<u32, WORDS> = (6..30).collect();
+        assert_eq!(heard.pop().unwrap().answer, Answer::LastMoves(words));
+        assert!(heard.len() > 2);
+        // None beyond the last, however far.
+        for first in [30, u16::MAX] {
+            ask(&mut server, 6, Ask::LastMoves(first));
+            assert_eq!(answer(&mut server), Answer::LastMoves(Vec::new()));
+        }
+    }
+
+    #[test]
+    fn the_status_is_that_of_the_last_period() {
+        let mut server = server();
+        period(&mut server, 1, Mode::Idle, Course::Free);
+        period(&mut server, 5, Mode::Running, Course::Held(Place(8)));
+        server.take(3, |_| None);
+        server.take(0, |_| None);
+        ask(&mut server, 1, Ask::Status);
+        let expected = Status {
+            period: 5,
+            mode: Mode::Running,
+            fault_value: 5.0,
+            run_switch: true,
+            held: Some(Place(8)),
+            vibration: 0.5,
+            lost: 3,
+            damaged: 1,
+            ..Status::default()
+        };
+        assert_eq!(answer(&mut server), Answer::Status(expected));
+    }
+}
