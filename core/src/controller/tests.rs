@@ -267,16 +267,45 @@ fn faults_stop_in_the_same_period_and_stay() {
 }
 
 #[test]
-fn targets_out_of_reach_are_faults() {
+fn what_no_move_leads_to_is_refused_and_changes_nothing() {
     for request in [
         Request::Move(Place(i64::MIN)),
         Request::Move(Place(i64::MAX)),
+        Request::MoveBy(i64::MIN),
+        Request::Step(Place(i64::MAX)),
+        Request::Jog(Velocity(f32::NAN)),
+        Request::Jog(Velocity(f32::NEG_INFINITY)),
     ] {
         let mut controller = running();
-        controller.request(request).unwrap();
-        assert_eq!(controller.step(measured(0, 0.0)), Command::default());
-        assert_eq!(controller.mode(), Mode::Fault(Fault::Target));
+        let refusal = controller.request(request).unwrap_err();
+        assert_eq!(refusal.reason, Reason::Unreachable);
+        for _ in 0..10 {
+            controller.step(measured(0, 0.0));
+        }
+        assert_eq!(controller.mode(), Mode::Running);
+        assert_eq!(controller.course(), Course::Held(Place(0)));
     }
+}
+
+#[test]
+fn a_move_by_counts_goes_on_from_the_last_target() {
+    let mut controller = running();
+    controller.request(Request::Move(Place(20_000))).unwrap();
+    controller.request(Request::MoveBy(-5000)).unwrap();
+    controller.step(measured(0, 0.0));
+    // Under way, and at rest.
+    controller.request(Request::MoveBy(1000)).unwrap();
+    let follow = |controller: &mut Drive, periods| {
+        for _ in 0..periods {
+            let count = (controller.telemetry().reference * 1e6) as i32;
+            controller.step(measured(count as u32 & 0xFFFF, 0.0));
+        }
+    };
+    follow(&mut controller, 400);
+    assert_eq!(controller.course(), Course::Held(Place(16_000)));
+    controller.request(Request::MoveBy(-16_000)).unwrap();
+    follow(&mut controller, 400);
+    assert_eq!(controller.course(), Course::Held(Place(0)));
 }
 
 #[test]
