@@ -8,7 +8,7 @@
 use arso_core::{Command, Counts, Current};
 use arso_firmware::board::{
     AmplifierFault, Board, Capabilities, ControlTimer, CurrentOutput, CycleCounter, Encoder,
-    Hardware, Inputs, Levels, RunSwitch, Watchdog,
+    Hardware, Inputs, Levels, RunSwitch, Serial, Watchdog,
 };
 use arso_firmware::drive::{self, LastMoves, Queues};
 use cortex_m_rt::entry;
@@ -28,6 +28,7 @@ impl Board for Blank {
     type RunSwitch = Self;
     type AmplifierFault = Self;
     type Inputs = Self;
+    type Serial = Self;
     type Watchdog = Self;
 
     fn wait_for_interrupt() {}
@@ -75,6 +76,16 @@ impl Inputs for Blank {
     }
 }
 
+impl Serial for Blank {
+    fn read(&mut self) -> Option<u8> {
+        None
+    }
+
+    fn send(&mut self, _: &[u8]) -> bool {
+        false
+    }
+}
+
 impl Watchdog for Blank {
     fn feed(&mut self) {}
 }
@@ -82,7 +93,7 @@ impl Watchdog for Blank {
 #[entry]
 fn main() -> ! {
     static mut QUEUES: Queues = Queues::new();
-    static mut LAST_MOVES: LastMoves = LastMoves::new();
+    static LAST_MOVES: LastMoves = LastMoves::new();
     let hardware = Hardware::<Blank> {
         timer: Blank,
         encoder: Blank,
@@ -91,9 +102,10 @@ fn main() -> ! {
         run_switch: Blank,
         amplifier_fault: Blank,
         inputs: Blank,
+        serial: Blank,
         watchdog: Blank,
     };
-    if let Ok((mut control, mut idle)) = drive::new(hardware, QUEUES, LAST_MOVES) {
+    if let Ok((mut control, mut idle)) = drive::new(hardware, QUEUES, &LAST_MOVES) {
         control.period();
         idle.run();
     }

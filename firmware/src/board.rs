@@ -31,6 +31,8 @@ pub trait Board {
     type AmplifierFault: AmplifierFault;
     /// Its other switches.
     type Inputs: Inputs;
+    /// The line of its link.
+    type Serial: Serial;
     /// What resets it when the program has died.
     type Watchdog: Watchdog;
 
@@ -54,6 +56,8 @@ pub struct Hardware<B: Board> {
     pub amplifier_fault: B::AmplifierFault,
     /// See [`Board::Inputs`].
     pub inputs: B::Inputs,
+    /// See [`Board::Serial`].
+    pub serial: B::Serial,
     /// See [`Board::Watchdog`].
     pub watchdog: B::Watchdog,
 }
@@ -111,6 +115,16 @@ pub struct Levels {
     pub zero: bool,
     /// Which target, 0 to 3.
     pub target: u8,
+}
+
+/// The line of the link, which moves its bytes without the processor's help.
+pub trait Serial {
+    /// A byte that has come, the oldest first.
+    fn read(&mut self) -> Option<u8>;
+
+    /// Begins to send as many as [`WAITING`](arso_core::link::server::WAITING) bytes, unless earlier ones are still
+    /// leaving; whether it does.
+    fn send(&mut self, bytes: &[u8]) -> bool;
 }
 
 /// What resets the processor unless it is fed.

@@ -2,12 +2,15 @@
 
 use crate::board::{
     AmplifierFault, Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs,
-    RunSwitch, Watchdog,
+    RunSwitch, Serial, Watchdog,
 };
-use crate::log::{self, Log};
+use crate::identity;
+use crate::log::Log;
 use crate::settings::{EXCITATION, GAINS, LOADS, Observer, PERIOD_US, PLANS};
 use crate::switches::Switches;
-use arso_core::record::{self, Recorder, Scale};
+use arso_core::link::Reason;
+use arso_core::link::server::{Numbered, Seen, Server};
+use arso_core::record::{self, Course, Recorder, Scale};
 use arso_core::{
     Controller, Counts, Current, Fault, Measurement, Refusal, Request, SettingsError, Telemetry,
 };
@@ -15,8 +18,11 @@ use heapless::spsc::{Consumer, Producer, Queue};
 
 /// Records that wait for the log: 64 ms at 1 kHz.
 const RECORDS: usize = 64;
-/// Requests that wait for the interrupt, which takes one per period, and refusals that wait for the log.
+/// Requests that wait for the interrupt, which takes one per period, and outcomes that wait for the idle loop.
 const REQUESTS: usize = 8;
+/// Bytes of the link in one turn of the idle loop: more than come in a control period, so that none waits for
+/// long, and few enough that whatever they are the turn ends.
+const BYTES: usize = 128;
 /// Words of the ring of the last moves, which take 16 KiB in all: 4 s at 1 kHz, and of a move 2 s at most.
 const RING: usize = 4096 - record::HEADER;
 
@@ -25,12 +31,16 @@ pub type LastMoves = record::LastMoves<RING>;
 
 /// What goes between the control interrupt and the idle loop.
 pub struct Queues {
-    records: Queue<(Record, bool), RECORDS>,
-    requests: Queue<Request, REQUESTS>,
-    refusals: Queue<Refusal, REQUESTS>,
+    periods: Queue<Period, RECORDS>,
+    requests: Queue<Numbered, REQUESTS>,
+    outcomes: Queue<Outcome, REQUESTS>,
 }
 
-type Record = Telemetry<[f32; LOADS]>;
+/// What a control period was: its record, what was done with the machine, and whether the run switch was closed.
+type Period = (Telemetry<[f32; LOADS]>, Course, bool);
+
+/// What became of a request.
+type Outcome = (Numbered, Result<(), Refusal>);
 
 impl Queues {
     /// Empty ones.
@@ -38,9 +48,9 @@ impl Queues {
     #[expect(clippy::new_without_default, reason = "for a static")]
     pub const fn new() -> Self {
         Self {
-            records: Queue::new(),
+            periods: Queue::new(),
             requests: Queue::new(),
-            refusals: Queue::new(),
+            outcomes: Queue::new(),
         }
     }
 }
@@ -58,40 +68,43 @@ pub struct Control<B: Board> {
     controller: Controller<'static, LOADS, Observer>,
     applied: Current,
     recorder: Recorder<'static, RING>,
-    records: Producer<'static, (Record, bool)>,
-    requests: Consumer<'static, Request>,
-    refusals: Producer<'static, Refusal>,
+    periods: Producer<'static, Period>,
+    requests: Consumer<'static, Numbered>,
+    outcomes: Producer<'static, Outcome>,
 }
 
 /// What the idle loop owns.
 pub struct Idle<B: Board> {
     watchdog: B::Watchdog,
     inputs: B::Inputs,
+    serial: B::Serial,
     switches: Switches,
     log: Log,
-    records: Consumer<'static, (Record, bool)>,
-    requests: Producer<'static, Request>,
-    refusals: Consumer<'static, Refusal>,
+    link: Server,
+    last_moves: &'static LastMoves,
+    periods: Consumer<'static, Period>,
+    requests: Producer<'static, Numbered>,
+    outcomes: Consumer<'static, Outcome>,
 }
 
 /// The drive on a board.
 ///
-/// * `last_moves`: where a debugger finds them
+/// * `last_moves`: where a debugger finds them, and the link
 ///
 /// # Errors
 /// When the settings cannot be run.
 pub fn new<B: Board>(
     hardware: Hardware<B>,
     queues: &'static mut Queues,
-    last_moves: &'static mut LastMoves,
+    last_moves: &'static LastMoves,
 ) -> Result<(Control<B>, Idle<B>), SettingsError> {
     const { crate::settings::require_fit(&B::CAPABILITIES) };
     let controller = Controller::new(&GAINS, PLANS)?.with_excitation(EXCITATION);
-    let identity = log::identity();
+    let identity = identity::identity();
     let recorder = Recorder::new(last_moves, &identity, Scale::of(&GAINS));
-    let (records_in, records_out) = queues.records.split();
+    let (periods_in, periods_out) = queues.periods.split();
     let (requests_in, requests_out) = queues.requests.split();
-    let (refusals_in, refusals_out) = queues.refusals.split();
+    let (outcomes_in, outcomes_out) = queues.outcomes.split();
     let control = Control {
         timer: hardware.timer,
         encoder: hardware.encoder,
@@ -103,18 +116,21 @@ pub fn new<B: Board>(
         controller,
         applied: Current(0.0),
         recorder,
-        records: records_in,
+        periods: periods_in,
         requests: requests_out,
-        refusals: refusals_in,
+        outcomes: outcomes_in,
     };
     let idle = Idle {
         watchdog: hardware.watchdog,
         inputs: hardware.inputs,
+        serial: hardware.serial,
         switches: Switches::default(),
         log: Log::new(identity),
-        records: records_out,
+        link: Server::new(identity::introduction(&identity)),
+        last_moves,
+        periods: periods_out,
         requests: requests_in,
-        refusals: refusals_out,
+        outcomes: outcomes_out,
     };
     Ok((control, idle))
 }
@@ -127,21 +143,27 @@ impl<B: Board> Control<B> {
         self.timer.acknowledge();
         let run = self.run_switch.closed();
         if run {
-            if let Some(request) = self.requests.dequeue()
-                && let Err(refusal) = self.controller.request(request)
-            {
-                // A full queue loses the refusal: as many others are on their way to the log.
-                let _ = self.refusals.enqueue(refusal);
+            if let Some(asked) = self.requests.dequeue() {
+                let outcome = self.controller.request(asked.request);
+                self.tell(asked, outcome);
             }
         } else {
             // What was asked before is void but for where zero is, and no idle loop, queue or log stands
             // between the switch and the amplifier.
             let _ = self.controller.request(Request::Stop);
-            while let Some(request) = self.requests.dequeue() {
-                // It moves nothing.
-                if let Request::SetPosition(_) = request {
-                    let _ = self.controller.request(request);
-                }
+            while let Some(asked) = self.requests.dequeue() {
+                let outcome = match asked.request {
+                    // They move nothing.
+                    Request::SetPosition(_) | Request::Stop => {
+                        self.controller.request(asked.request)
+                    }
+                    request => Err(Refusal {
+                        request,
+                        mode: self.controller.mode(),
+                        reason: Reason::RunSwitch,
+                    }),
+                };
+                self.tell(asked, outcome);
             }
         }
         if self.controller.mode().energised() {
@@ -161,15 +183,24 @@ impl<B: Board> Control<B> {
         self.applied = self.output.apply(&command);
 
         let mut record = *self.controller.telemetry();
+        let course = self.controller.course();
         self.recorder.step(
             record.period,
             Counts(record.count),
             Current(record.applied_current),
-            self.controller.course(),
+            course,
         );
         record.cycles = self.cycles.now().wrapping_sub(start);
         // A full queue loses the record; its number is missing in the log, which counts that.
-        let _ = self.records.enqueue((record, run));
+        let _ = self.periods.enqueue((record, course, run));
+    }
+
+    /// The idle loop is told what became of a request; of one that the switches made, if nothing did.
+    fn tell(&mut self, asked: Numbered, outcome: Result<(), Refusal>) {
+        if asked.number.is_some() || outcome.is_err() {
+            // A full queue loses it: whoever asked over the link asks again.
+            let _ = self.outcomes.enqueue((asked, outcome));
+        }
     }
 
     /// Whether this interrupt began more than a tenth of a period off the one before.
@@ -186,22 +217,61 @@ impl<B: Board> Idle<B> {
     /// Everything that may take its time, for ever.
     pub fn run(&mut self) -> ! {
         loop {
-            let Some((record, run)) = self.records.dequeue() else {
+            let Some((record, course, run_switch)) = self.periods.dequeue() else {
                 // The next control interrupt brings the next record.
                 B::wait_for_interrupt();
                 continue;
             };
             self.watchdog.feed();
             self.log.record(&record);
-            while let Some(refusal) = self.refusals.dequeue() {
-                self.log.refusal(&refusal);
+            while let Some((asked, outcome)) = self.outcomes.dequeue() {
+                if let Err(refusal) = outcome {
+                    self.log.refusal(&refusal);
+                }
+                self.link.outcome(asked, outcome);
             }
-            let requests = self.switches.sample(run, self.inputs.read(), record.mode);
-            for request in requests.into_iter().flatten() {
-                if self.requests.enqueue(request).is_err() {
-                    defmt::warn!("a request was lost: the control interrupt takes none");
+            let seen = Seen {
+                course,
+                run_switch,
+                vibration: self.log.vibration(),
+            };
+            if let Some(halt) = self.link.period(&record, &seen) {
+                self.ask(halt);
+            }
+            self.serve();
+            // Who commands over the link commands alone; the run switch stops the drive all the same.
+            if !self.link.remote() {
+                let levels = self.inputs.read();
+                let requests = self.switches.sample(run_switch, levels, record.mode);
+                for request in requests.into_iter().flatten() {
+                    let number = None;
+                    self.ask(Numbered { number, request });
                 }
             }
+        }
+    }
+
+    /// The bytes that have come over the link, and those that are to go.
+    fn serve(&mut self) {
+        for _ in 0..BYTES {
+            let Some(byte) = self.serial.read() else {
+                break;
+            };
+            let last_moves = self.last_moves;
+            if let Some(asked) = self.link.take(byte, |place| last_moves.word(place)) {
+                self.ask(asked);
+            }
+        }
+        if self.serial.send(self.link.waiting()) {
+            self.link.taken();
+        }
+    }
+
+    /// Puts a request to the control interrupt.
+    fn ask(&mut self, asked: Numbered) {
+        if self.requests.enqueue(asked).is_err() {
+            defmt::warn!("a request was lost: the control interrupt takes none");
+            self.link.busy();
         }
     }
 }

@@ -4,7 +4,7 @@
 //! control interrupt, every control period, nothing can delay it:
 //!     read encoder -> Controller::step -> current output -> record into a queue
 //! idle loop, in what time is left:
-//!     switches -> requests into a queue; records and refusals out of their queues -> defmt
+//!     switches or link -> requests into a queue; records and outcomes out of their queues -> defmt, link
 //! ```
 //!
 //! The two share nothing but lock-free queues ([`drive`]). What a board must be able to do is in
@@ -19,6 +19,7 @@ pub mod board;
 pub mod drive;
 mod excitation;
 mod gains;
+mod identity;
 mod log;
 pub mod settings;
 mod switches;

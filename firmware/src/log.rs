@@ -5,13 +5,9 @@
 //! `host-sim capture` reads with the very types that wrote them. The identity is repeated with each summary,
 //! for who listens late.
 
-use crate::settings::{GAINS, KIND, LOADS, PLANS};
+use crate::identity::CHECKSUM;
+use crate::settings::{GAINS, LOADS};
 use arso_core::{Identity, Mode, Refusal, Telemetry, Vibration};
-use crc::{CRC_32_ISO_HDLC, Crc, Digest};
-use postcard::ser_flavors::Flavor;
-
-/// Checksum of what is logged in serialised form.
-static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Follows the records and logs them.
 pub(crate) struct Log {
@@ -112,6 +108,11 @@ impl Log {
         }
     }
 
+    /// Vibration of the load, rms, m.
+    pub(crate) fn vibration(&self) -> f32 {
+        self.vibration.level()
+    }
+
     /// Logs what was asked in vain.
     #[expect(clippy::unused_self, reason = "the log says it")]
     pub(crate) fn refusal(&self, refusal: &Refusal) {
@@ -121,16 +122,6 @@ impl Log {
             refusal.reason,
             refusal.mode
         );
-    }
-}
-
-/// Which drive this is.
-pub(crate) fn identity() -> Identity<'static> {
-    Identity {
-        kind: KIND,
-        loads: LOADS as u8,
-        sample_time: GAINS.sample_time,
-        fingerprint: fingerprint(),
     }
 }
 
@@ -151,21 +142,4 @@ impl defmt::Format for Shown<'_> {
             bytes.unwrap_or_default()
         );
     }
-}
-
-/// Checksum of the settings in their serialised form, which is never there as a whole.
-fn fingerprint() -> u32 {
-    struct Passing(Digest<'static, u32>);
-    impl Flavor for Passing {
-        type Output = u32;
-        fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
-            self.0.update(&[byte]);
-            Ok(())
-        }
-        fn finalize(self) -> postcard::Result<u32> {
-            Ok(self.0.finalize())
-        }
-    }
-    // Nothing in it can fail: settings are numbers.
-    postcard::serialize_with_flavor(&(&GAINS, PLANS), Passing(CHECKSUM.digest())).unwrap_or(0)
 }

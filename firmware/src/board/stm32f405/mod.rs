@@ -10,6 +10,7 @@
 //! | PC3 | excite switch |
 //! | PC4 | zero switch |
 //! | PC0, PC1 | target switches, low and high bit |
+//! | PA9, PA10 | link: what it sends and what it receives (USART1, 1 Mbaud, 8N1) |
 //!
 //! One file per peripheral. The only `unsafe` of the firmware is in here, each with its reason.
 #![allow(unsafe_code, reason = "this is where the hardware is touched")]
@@ -21,6 +22,7 @@ mod encoder;
 mod inputs;
 mod rtt;
 mod safe_stop;
+mod serial;
 mod supply;
 mod watchdog;
 
@@ -51,6 +53,7 @@ impl Board for Stm32f405 {
     type RunSwitch = inputs::RunSwitch;
     type AmplifierFault = inputs::AmplifierFault;
     type Inputs = inputs::Switches;
+    type Serial = serial::SerialLine;
     type Watchdog = watchdog::ResetWatchdog;
 
     fn wait_for_interrupt() {
@@ -94,6 +97,13 @@ pub(crate) fn start(
             port_c.pc4.into_pull_down_input(),
             port_c.pc0.into_pull_down_input(),
             port_c.pc1.into_pull_down_input(),
+        ),
+        serial: serial::SerialLine::new(
+            device.USART1,
+            device.DMA2,
+            port_a.pa9,
+            port_a.pa10,
+            &mut rcc,
         ),
         watchdog: watchdog::ResetWatchdog::new(device.IWDG, &device.DBGMCU, period_us),
         timer: control_timer::ControlTimer::new(device.TIM2, period_us, &mut rcc),
