@@ -1,12 +1,12 @@
 //! Frames: a message with a tag and a checksum, between zeros.
 //!
 //! ```text
-//! COBS(tag, message, CRC-32 of both, lowest byte first), 0
+//! 0, COBS(tag, message, CRC-32 of both, lowest byte first), 0
 //! ```
 //!
 //! Tag and message are as postcard serialises them; the checksum is CRC-32 (ISO-HDLC); COBS (Cheshire and Baker,
 //! IEEE/ACM Transactions on Networking 7, 1999) takes the zeros out, so that a zero ends a frame and nothing
-//! else. Whatever comes before a zero and is no frame is dropped as a whole.
+//! else. The one in front ends whatever came before: an unplugged line costs no frame but its own.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Bytes of a checksum.
 const CHECK: usize = 4;
-/// Longest frame, its zero included; a record of six loads takes 120 bytes.
+/// Longest frame, its zeros included; a record of six loads takes 120 bytes.
 pub const LONGEST: usize = 192;
 
 /// A frame, ready to be sent; none where it is too long.
@@ -27,10 +27,13 @@ pub fn frame<'a, T: Serialize>(
     message: &T,
     buffer: &'a mut [u8; LONGEST],
 ) -> Option<&'a [u8]> {
-    let cobs = Cobs::try_new(Slice::new(buffer)).ok()?;
+    let (first, rest) = buffer.split_first_mut()?;
+    *first = 0;
+    let cobs = Cobs::try_new(Slice::new(rest)).ok()?;
     let flavor = CrcModifier::new(cobs, CHECKSUM.digest());
     let bytes = postcard::serialize_with_flavor(&(tag, message), flavor).ok()?;
-    Some(bytes)
+    let length = 1 + bytes.len();
+    buffer.get(..length)
 }
 
 /// Puts frames together from bytes as they come.
@@ -146,12 +149,12 @@ mod tests {
         assert_eq!(CHECKSUM.checksum(&digits), 0xCBF4_3926);
         let bytes = frame(HELLO, &digits, &mut buffer).unwrap();
         // The tag is one zero: the first group is empty, the second has digits and checksum.
-        assert_eq!(bytes[..2], [1, 14]);
-        assert_eq!(bytes[2..11], digits);
+        assert_eq!(bytes[..3], [0, 1, 14]);
+        assert_eq!(bytes[3..12], digits);
         let mut said = List::from([0]);
         said.extend(digits);
-        assert_eq!(bytes[11..15], CHECKSUM.checksum(&said).to_le_bytes());
-        assert_eq!(bytes[15..], [0]);
+        assert_eq!(bytes[12..16], CHECKSUM.checksum(&said).to_le_bytes());
+        assert_eq!(bytes[16..], [0]);
     }
 
     #[test]
@@ -183,8 +186,6 @@ mod tests {
             let mut found = List::new();
             for (place, noise) in places.iter().zip(&noise) {
                 let mut bytes = noise.clone();
-                // A zero ends whatever was begun.
-                bytes.push(0);
                 bytes.extend(framed(&question(1, *place)));
                 found.extend(read(&mut receiver, &bytes).into_iter().flatten());
             }
@@ -198,6 +199,8 @@ mod tests {
             place: i64, at in 0_usize..1000, bit in 0_u8..8, cut in 1_usize..1000,
         ) {
             let whole = framed(&question(7, place));
+            // What it is but for the zeros.
+            let whole = whole[1..].to_vec();
             let last = whole.len() - 1;
             let mut turned = whole.clone();
             turned[at % last] ^= 1 << bit;

@@ -1,0 +1,428 @@
+//! The link of the release ELF on the virtual board: commanded over its serial line, and abused over it.
+#![cfg(feature = "virtual-board")]
+
+use arso_core::link::frame::{LONGEST, Receiver, frame};
+use arso_core::link::message::{
+    Answer, Answered, Ask, Asked, HELLO, Introduction, Status, TAG, VERSION, WORDS,
+};
+use arso_core::link::{Reason, Request};
+use arso_core::{Mode, Place, Velocity};
+use arso_tests::virtual_board::Rig;
+use arso_tests::virtual_board::image::{Image, RAM, RAM_SIZE};
+use arso_tests::virtual_board::rig::{Period, Switches};
+use host_sim::capture::{Origin, read_defmt, read_memory};
+use host_sim::design::Design;
+use host_sim::drive::{Drive, PlantFile};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde::Serialize;
+
+/// Who sits at the other end of the line.
+struct Host {
+    rig: Rig,
+    receiver: Receiver,
+    number: u8,
+    /// What came and was not asked for.
+    telemetry: Vec<Answered<Vec<f32>>>,
+    damaged: u32,
+}
+
+fn framed<T: Serialize>(tag: u16, message: &T) -> Vec<u8> {
+    let mut buffer = [0; LONGEST];
+    frame(tag, message, &mut buffer).unwrap().to_vec()
+}
+
+impl Host {
+    /// A drive whose run switch is closed, after a while.
+    fn new() -> Self {
+        let drive = Drive::default_drive();
+        let image = Image::parse(&arso_tests::firmware()).unwrap();
+        let mut rig = Rig::start(&image, &drive, &PlantFile::from(&drive), |_| ()).unwrap();
+        rig.periods(20).unwrap();
+        Self {
+            rig,
+            receiver: Receiver::default(),
+            number: 0,
+            telemetry: Vec::new(),
+            damaged: 0,
+        }
+    }
+
+    /// One that is held where it stands, over the link.
+    fn running() -> Self {
+        let mut host = Self::new();
+        // What the switches would ask is asked only until somebody speaks.
+        assert_eq!(host.request(Request::Stop), Ok(()));
+        host.rig.switches(Switches::run(0));
+        host.periods(30);
+        assert_eq!(host.request(Request::Commission), Ok(()));
+        host.until(3000, |status| status.mode == Mode::Ready);
+        assert_eq!(host.request(Request::SetPosition(Place(0))), Ok(()));
+        assert_eq!(host.request(Request::Start), Ok(()));
+        host.periods(50);
+        host
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        self.rig.board.bus_mut().send(bytes);
+    }
+
+    /// One control period, and the frames that came in it.
+    fn period(&mut self) -> (Period, Vec<(u16, Option<Answered<Vec<f32>>>)>) {
+        let period = self.rig.period().unwrap();
+        let mut frames = Vec::new();
+        for byte in self.rig.board.bus_mut().received() {
+            match self.receiver.take(byte) {
+                None => {}
+                Some(Ok(frame)) => frames.push((frame.tag, frame.message().ok())),
+                Some(Err(_)) => self.damaged += 1,
+            }
+        }
+        (period, frames)
+    }
+
+    fn periods(&mut self, periods: usize) -> Vec<Period> {
+        let mut all = Vec::new();
+        for _ in 0..periods {
+            let (period, frames) = self.period();
+            all.push(period);
+            self.telemetry
+                .extend(frames.into_iter().filter_map(|(_, message)| message));
+        }
+        all
+    }
+
+    /// Sends a question and waits; how many periods the answer took.
+    fn asked(&mut self, ask: Ask) -> (Answer<Vec<f32>>, u32) {
+        self.number = self.number.wrapping_add(1);
+        let number = self.number;
+        self.send(&framed(TAG, &Asked { number, ask }));
+        for periods in 1..50 {
+            for (_, message) in self.period().1 {
+                match message {
+                    Some(heard) if matches!(heard.answer, Answer::Telemetry(_)) => {
+                        self.telemetry.push(heard);
+                    }
+                    Some(heard) if heard.number == number => return (heard.answer, periods),
+                    _ => {}
+                }
+            }
+        }
+        panic!("no answer to {ask:?}");
+    }
+
+    fn ask(&mut self, ask: Ask) -> Answer<Vec<f32>> {
+        self.asked(ask).0
+    }
+
+    fn request(&mut self, request: Request) -> Result<(), Reason> {
+        match self.ask(Ask::Request(request)) {
+            Answer::Taken => Ok(()),
+            Answer::Refused(refusal) => {
+                assert_eq!(refusal.request, request);
+                Err(refusal.reason)
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn status(&mut self) -> Status {
+        match self.ask(Ask::Status) {
+            Answer::Status(status) => status,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn until(&mut self, periods: u32, done: impl Fn(&Status) -> bool) -> Status {
+        for _ in 0..periods {
+            let status = self.status();
+            if done(&status) {
+                return status;
+            }
+        }
+        panic!("{:?}", self.status());
+    }
+
+    /// Positions of all masses, as they truly are, m.
+    fn truth(&self) -> Vec<f64> {
+        self.rig
+            .plant()
+            .state()
+            .iter()
+            .step_by(2)
+            .copied()
+            .collect()
+    }
+}
+
+#[test]
+fn it_says_which_drive_it_is() {
+    let mut host = Host::new();
+    host.send(&framed(HELLO, &()));
+    let mut receiver = Receiver::default();
+    host.rig.periods(3).unwrap();
+    let bytes = host.rig.board.bus_mut().received();
+    let (last, rest) = bytes.split_last().unwrap();
+    assert!(rest.iter().all(|byte| receiver.take(*byte).is_none()));
+    let hello = receiver.take(*last).unwrap().unwrap();
+    assert_eq!(hello.tag, HELLO);
+    let said: Introduction = hello.message().unwrap();
+    let expected = Origin::of(&Design::new(&Drive::default_drive()).unwrap()).unwrap();
+    assert_eq!((said.version, said.tag, said.loads), (VERSION, TAG, 3));
+    assert_eq!((&*said.kind, said.resolution), ("linear", 1e-6));
+    assert_eq!(said.fingerprint, expected.fingerprint);
+}
+
+#[test]
+fn a_machine_is_commanded_over_it() {
+    let mut host = Host::new();
+    let nothing = host.status();
+    assert_eq!((nothing.mode, nothing.run_switch), (Mode::Idle, false));
+    assert!(!nothing.remote && nothing.damaged == 0 && nothing.lost == 0);
+    // The run switch is open: nothing moves, whoever asks.
+    assert_eq!(host.request(Request::Commission), Err(Reason::RunSwitch));
+    // From now on the link commands alone: closing it asks for nothing.
+    host.rig.switches(Switches::run(1));
+    let periods = host.periods(500);
+    assert!(periods.iter().all(|period| !period.enabled));
+    assert_eq!(host.request(Request::Start), Err(Reason::Mode));
+    assert_eq!(host.request(Request::Commission), Ok(()));
+    host.until(3000, |status| status.mode == Mode::Ready);
+    assert_eq!(host.request(Request::SetPosition(Place(0))), Ok(()));
+    assert_eq!(host.request(Request::Start), Ok(()));
+
+    // From the command to the motion: the answer comes two periods later, by then current flows.
+    host.periods(50);
+    let (answer, periods) = host.asked(Ask::Request(Request::Move(Place(30_000))));
+    assert_eq!(answer, Answer::Taken);
+    assert!(periods <= 3, "{periods}");
+    host.periods(1000);
+    let status = host.status();
+    assert_eq!(
+        (status.mode, status.held),
+        (Mode::Running, Some(Place(30_000)))
+    );
+    for position in host.truth() {
+        assert!((position - 0.03).abs() < 20e-6, "{position}");
+    }
+    assert_eq!(host.request(Request::MoveBy(-12_500)), Ok(()));
+    host.periods(1000);
+    for position in host.truth() {
+        assert!((position - 0.0175).abs() < 20e-6, "{position}");
+    }
+    assert_eq!(
+        host.request(Request::Move(Place(i64::MAX))),
+        Err(Reason::Unreachable)
+    );
+    assert_eq!(
+        host.request(Request::Jog(Velocity(f32::INFINITY))),
+        Err(Reason::Unreachable)
+    );
+
+    // What is asked is asked once, however often it comes.
+    let number = host.number.wrapping_add(1);
+    host.number = number;
+    let ask = Ask::Request(Request::MoveBy(1000));
+    for _ in 0..5 {
+        host.send(&framed(TAG, &Asked { number, ask }));
+        host.periods(7);
+    }
+    let answers = host
+        .telemetry
+        .drain(..)
+        .filter(|heard| heard.number == number);
+    assert!(answers.count() >= 4);
+    host.periods(800);
+    assert_eq!(host.status().held, Some(Place(18_500)));
+
+    // The run switch wins.
+    host.rig.switches(Switches::default());
+    let periods = host.periods(3);
+    assert!(!periods[1].enabled);
+    assert_eq!(host.request(Request::Start), Err(Reason::RunSwitch));
+    assert!(matches!(host.ask(Ask::Faults), Answer::Faults(faults) if faults.is_empty()));
+}
+
+#[test]
+fn a_jog_ends_in_a_planned_stop_where_the_host_is_unplugged() {
+    let mut host = Host::running();
+    assert_eq!(host.request(Request::Jog(Velocity(0.05))), Ok(()));
+    for _ in 0..20 {
+        host.periods(40);
+        assert_eq!(host.ask(Ask::Heartbeat), Answer::Taken);
+    }
+    let velocity = host.rig.plant().state()[1];
+    assert!((velocity - 0.05).abs() < 0.002, "{velocity}");
+    // In the middle of a frame.
+    let frame = framed(
+        TAG,
+        &Asked {
+            number: 99,
+            ask: Ask::Heartbeat,
+        },
+    );
+    host.send(&frame[..frame.len() / 2]);
+    let before = host.truth()[0];
+    host.periods(100);
+    assert!((host.truth()[0] - before - 0.005).abs() < 0.0003);
+    host.periods(900);
+    let after = host.truth();
+    // It is brought to rest without a fault, soon, and every mass with it.
+    assert!(after[0] - before < 0.015, "{}", after[0] - before);
+    let state = host.rig.plant().state();
+    assert!(
+        state
+            .iter()
+            .skip(1)
+            .step_by(2)
+            .all(|velocity| velocity.abs() < 1e-3)
+    );
+    let status = host.status();
+    assert_eq!(status.mode, Mode::Running);
+    assert!(status.held.is_some() && !status.jogging && status.damaged == 1);
+}
+
+#[test]
+fn the_last_moves_are_fetched_over_it() {
+    let mut host = Host::running();
+    for target in [20_000, 5000] {
+        assert_eq!(host.request(Request::Move(Place(target))), Ok(()));
+        host.periods(700);
+    }
+    let mut words = Vec::new();
+    loop {
+        let first = u16::try_from(words.len()).unwrap();
+        let Answer::LastMoves(piece) = host.ask(Ask::LastMoves(first)) else {
+            panic!("no words");
+        };
+        words.extend_from_slice(&piece);
+        if piece.len() < WORDS {
+            break;
+        }
+    }
+    let bytes: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
+    let fetched = read_memory(&bytes, "link").unwrap();
+    let ram = host.rig.board.memory(RAM, RAM_SIZE as usize);
+    assert_eq!(fetched, read_memory(&ram, "ram").unwrap());
+    assert!(fetched.moves.len() >= 2);
+}
+
+/// What the log has of a period, the link has too.
+#[test]
+fn telemetry_at_every_period_is_the_log() {
+    let mut host = Host::running();
+    assert_eq!(host.ask(Ask::Subscribe(1)), Answer::Taken);
+    assert_eq!(host.request(Request::Move(Place(20_000))), Ok(()));
+    host.periods(600);
+    assert_eq!(host.ask(Ask::Subscribe(0)), Answer::Taken);
+    let log = read_defmt(
+        &arso_tests::firmware(),
+        "firmware",
+        &host.rig.log[..],
+        |_| (),
+    )
+    .unwrap();
+    assert_eq!((log.lost, log.malformed, host.damaged), (0, 0, 0));
+    let telemetry: Vec<_> = host
+        .telemetry
+        .iter()
+        .filter_map(|heard| match &heard.answer {
+            Answer::Telemetry(record) => Some(record),
+            _ => None,
+        })
+        .collect();
+    assert!(telemetry.len() >= 600, "{}", telemetry.len());
+    let first = telemetry[0].period;
+    for (record, period) in telemetry.iter().zip(first..) {
+        assert_eq!(record.period, period, "none is missing");
+    }
+    let from = log
+        .records
+        .iter()
+        .position(|record| record.period == first)
+        .unwrap();
+    for (heard, logged) in telemetry.iter().zip(&log.records[from..]) {
+        assert!(heard.columns().eq(logged.columns()));
+    }
+}
+
+/// What the board did is the same, to the cycle.
+fn same(periods: &[Period], quiet: &[Period]) {
+    assert_eq!(periods.len(), quiet.len());
+    for (k, both) in periods.iter().zip(quiet).enumerate() {
+        assert_eq!(both.0, both.1, "period {k}");
+    }
+}
+
+/// Whatever comes over the line, the control interrupt does what it does without it, to the cycle, and the machine
+/// moves as it was told.
+#[test]
+fn abuse_is_not_felt() {
+    let play = |abuse: &mut dyn FnMut(&mut Host, usize)| {
+        let mut host = Host::running();
+        assert_eq!(host.request(Request::Move(Place(30_000))), Ok(()));
+        let mut periods = Vec::new();
+        for k in 0..1000 {
+            abuse(&mut host, k);
+            periods.extend(host.periods(1));
+        }
+        let log = read_defmt(
+            &arso_tests::firmware(),
+            "firmware",
+            &host.rig.log[..],
+            |_| (),
+        );
+        let log = log.unwrap();
+        let timing = log.messages.iter().any(|message| message.contains("fault"));
+        assert!(!timing, "{:?}", log.messages);
+        (periods, host)
+    };
+    let (quiet, _) = play(&mut |_, _| ());
+    let mut random = ChaCha8Rng::seed_from_u64(18);
+    let question = |number, ask| framed(TAG, &Asked { number, ask });
+
+    // Noise, as much as the line carries.
+    let (noisy, mut host) = play(&mut |host, _| {
+        let mut noise = [0; 100];
+        random.fill_bytes(&mut noise);
+        host.send(&noise);
+    });
+    same(&noisy, &quiet);
+    assert!(host.status().damaged > 100);
+
+    // Frames of other versions, cut off, with a wrong checksum, and repeated ones.
+    let mut random = ChaCha8Rng::seed_from_u64(19);
+    let (bad, _) = play(&mut |host, k| {
+        let mut frame = question(k as u8, Ask::Request(Request::Stop));
+        match k % 4 {
+            0 => {
+                frame = framed(
+                    TAG ^ 1,
+                    &Asked {
+                        number: 1,
+                        ask: Ask::Request(Request::Stop),
+                    },
+                )
+            }
+            1 => frame.truncate(random.random_range(0..frame.len() - 1)),
+            2 => frame[4] ^= 0x10,
+            // The number of the move that is under way, and the same move.
+            _ => frame = question(host.number, Ask::Request(Request::Move(Place(30_000)))),
+        }
+        host.send(&frame);
+    });
+    same(&bad, &quiet);
+
+    // Both directions full: telemetry of every period, and questions with the longest answers.
+    let (full, host) = play(&mut |host, k| {
+        if k == 0 {
+            host.send(&question(200, Ask::Subscribe(1)));
+        }
+        for number in 0..9 {
+            host.send(&question(number, Ask::LastMoves(40)));
+        }
+    });
+    same(&full, &quiet);
+    assert!(host.telemetry.len() > 400, "{}", host.telemetry.len());
+}
