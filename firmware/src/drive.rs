@@ -80,7 +80,7 @@ pub struct Idle<B: Board> {
     serial: B::Serial,
     switches: Switches,
     log: Log,
-    link: Server,
+    link: Server<LOADS>,
     last_moves: &'static LastMoves,
     periods: Consumer<'static, Period>,
     requests: Producer<'static, Numbered>,

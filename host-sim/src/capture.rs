@@ -22,6 +22,7 @@ pub use follow::{Follower, Stretch};
 pub use frames::read_defmt;
 pub use live::Live;
 pub use origin::Origin;
+pub(crate) use origin::short;
 pub use record::{LastMoves, RecordedMove, read_memory};
 
 use crate::error::{Error, Result};

@@ -9,6 +9,7 @@ mod bound;
 mod capture;
 mod compare;
 mod design;
+mod drive;
 mod drive_argument;
 mod excite;
 mod identify;
@@ -51,6 +52,7 @@ enum Command {
     Bound(bound::BoundCommand),
     Capture(capture::CaptureCommand),
     Compare(compare::CompareCommand),
+    Drive(drive::DriveCommand),
     Identify(identify::IdentifyCommand),
     Learn(learn::LearnCommand),
     Moves(moves::MovesCommand),
@@ -96,6 +98,7 @@ impl Cli {
             Some(Command::Bound(command)) => command.run(quiet),
             Some(Command::Capture(command)) => command.run(quiet),
             Some(Command::Compare(command)) => command.run(quiet),
+            Some(Command::Drive(command)) => command.run(quiet),
             Some(Command::Identify(command)) => command.run(quiet),
             Some(Command::Learn(command)) => command.run(quiet),
             Some(Command::Moves(command)) => command.run(quiet),

@@ -83,6 +83,15 @@ pub enum Error {
     /// There is no log, or nothing in it.
     #[error("nothing was captured: {0}")]
     Capture(String),
+    /// A drive that is connected cannot be spoken to.
+    #[error("the link failed: {0}")]
+    Link(String),
+    /// A drive that is connected does not take a request.
+    #[error("the drive refuses: {0}")]
+    Refused(arso_core::Refusal),
+    /// A drive that is connected did not do, or not end, what was asked of it.
+    #[error("{0}")]
+    Drive(String),
     /// A table, a file or a plot cannot be formed from what was computed.
     #[error("the report cannot be formed: {0}")]
     Report(String),
@@ -123,6 +132,9 @@ impl Error {
             | Error::Comparison(_)
             | Error::Bound(_)
             | Error::Capture(_)
+            | Error::Link(_)
+            | Error::Refused(_)
+            | Error::Drive(_)
             | Error::Report(_) => 1,
         }
     }

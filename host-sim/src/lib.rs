@@ -14,7 +14,7 @@
 //! |---|---|
 //! | [`cli`] | the command line: parses, and words flags |
 //! | [`report`] | everything that is shown: tables, JSON, CSV, plots |
-//! | [`excite`], [`identify`], [`compare`], [`capture`] | what is done with a drive, each by itself |
+//! | [`excite`], [`identify`], [`compare`], [`capture`], [`link`] | what is done with a drive, each by itself |
 //! | [`simulate`] | the closed loop: plant, the control core ([`simulate::corridor`]), scenarios, metrics |
 //! | [`design`] | from a drive to gains, and what is to be said of them |
 //! | [`drive`] | the description of a drive, read and checked; knows no design |
@@ -36,6 +36,7 @@ pub mod error;
 pub mod excite;
 pub mod identify;
 pub mod linear;
+pub mod link;
 pub mod machine;
 pub mod output;
 pub mod report;

@@ -1,9 +1,8 @@
 //! What the user gets: tables for people, JSON for machines, CSV of every step, plots.
 //!
 //! Every figure arrives here computed; a file for each thing that is reported (`design`, `experiments`,
-//! `comparison`, `moves`, `bound`, `excitation`, `identification`, `learning`, `log`, `record`, `paper`,
-//! `horizon`), `csv` for a run, `plot` for
-//! drawing.
+//! `comparison`, `moves`, `bound`, `excitation`, `identification`, `learning`, `log`, `record`, `link`,
+//! `paper`, `horizon`), `csv` for a run, `plot` for drawing.
 
 pub mod bound;
 mod columns;
@@ -16,6 +15,7 @@ pub mod horizon;
 pub mod identification;
 pub mod learning;
 mod lines;
+pub mod link;
 pub mod log;
 pub mod moves;
 pub mod paper;

@@ -10,8 +10,6 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
-use postcard::ser_flavors::crc::CrcModifier;
-use postcard::ser_flavors::{Cobs, Slice};
 use serde::{Deserialize, Serialize};
 
 /// Checksum of a frame.
@@ -27,13 +25,16 @@ pub fn frame<'a, T: Serialize>(
     message: &T,
     buffer: &'a mut [u8; LONGEST],
 ) -> Option<&'a [u8]> {
-    let (first, rest) = buffer.split_first_mut()?;
-    *first = 0;
-    let cobs = Cobs::try_new(Slice::new(rest)).ok()?;
-    let flavor = CrcModifier::new(cobs, CHECKSUM.digest());
-    let bytes = postcard::serialize_with_flavor(&(tag, message), flavor).ok()?;
-    let length = 1 + bytes.len();
-    buffer.get(..length)
+    let mut plain = [0; LONGEST];
+    let said = postcard::to_slice(&(tag, message), &mut plain).ok()?.len();
+    let end = said.checked_add(CHECK)?;
+    let check = CHECKSUM.checksum(plain.get(..said)?).to_le_bytes();
+    plain.get_mut(said..end)?.copy_from_slice(&check);
+    // Zeros as they are, in front and behind.
+    buffer.fill(0);
+    let inner = buffer.get_mut(1..LONGEST - 1)?;
+    let length = cobs::try_encode(plain.get(..end)?, inner).ok()?;
+    buffer.get(..length.checked_add(2)?)
 }
 
 /// Puts frames together from bytes as they come.

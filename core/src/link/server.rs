@@ -59,9 +59,9 @@ struct Subscription {
     left: u16,
 }
 
-/// What the drive's end of the link remembers.
+/// What the drive's end of the link remembers; the drive has `N` load masses.
 #[derive(Clone, Debug)]
-pub struct Server {
+pub struct Server<const N: usize> {
     introduction: Introduction,
     receiver: Receiver,
     waiting: Vec<u8, WAITING>,
@@ -75,7 +75,7 @@ pub struct Server {
     patience: u32,
 }
 
-impl Server {
+impl<const N: usize> Server<N> {
     /// A drive that nobody has spoken to.
     #[must_use]
     pub fn new(introduction: Introduction) -> Self {
@@ -201,11 +201,7 @@ impl Server {
     }
 
     /// Takes what a control period was; gives what is asked of the drive where the host has fallen silent.
-    pub fn period<const N: usize>(
-        &mut self,
-        record: &Telemetry<[f32; N]>,
-        seen: &Seen,
-    ) -> Option<Numbered> {
+    pub fn period(&mut self, record: &Telemetry<[f32; N]>, seen: &Seen) -> Option<Numbered> {
         let before = self.status;
         let expected = before.period.wrapping_add(1);
         // The first one has none before it.
@@ -251,7 +247,7 @@ impl Server {
     }
 
     /// A fault that is new is kept; the oldest makes room.
-    fn remember<const N: usize>(&mut self, before: Mode, record: &Telemetry<[f32; N]>) {
+    fn remember(&mut self, before: Mode, record: &Telemetry<[f32; N]>) {
         let fault_of = |mode: Mode| -> Option<Fault> {
             match mode {
                 Mode::Stopping(fault) | Mode::Fault(fault) => Some(fault),
@@ -279,7 +275,7 @@ impl Server {
     }
 
     /// Telemetry leaves room for an answer: it is the first to be missed where the line is too slow.
-    fn stream<const N: usize>(&mut self, record: &Telemetry<[f32; N]>) {
+    fn stream(&mut self, record: &Telemetry<[f32; N]>) {
         let Some(subscription) = &mut self.subscription else {
             return;
         };
@@ -290,12 +286,11 @@ impl Server {
         subscription.left = subscription.every;
         let number = subscription.number;
         if self.waiting.len() + 2 * LONGEST <= WAITING {
-            let answer = Answer::Telemetry(*record);
-            put(&mut self.waiting, TAG, &Answered { number, answer });
+            self.say(number, Answer::Telemetry(*record));
         }
     }
 
-    fn say(&mut self, number: u8, answer: Answer<[f32; 0]>) {
+    fn say(&mut self, number: u8, answer: Answer<[f32; N]>) {
         put(&mut self.waiting, TAG, &Answered { number, answer });
     }
 
@@ -331,7 +326,7 @@ mod tests {
 
     type Heard = Answered<List<f32>>;
 
-    fn server() -> Server {
+    fn server() -> Server<3> {
         Server::new(Introduction {
             version: VERSION,
             tag: TAG,
@@ -344,7 +339,7 @@ mod tests {
         })
     }
 
-    fn send<T: Serialize>(server: &mut Server, tag: u16, message: &T) -> Option<Numbered> {
+    fn send<T: Serialize>(server: &mut Server<3>, tag: u16, message: &T) -> Option<Numbered> {
         let mut buffer = [0; LONGEST];
         let bytes = frame(tag, message, &mut buffer).unwrap();
         let mut given = bytes
@@ -355,11 +350,11 @@ mod tests {
         given.pop()
     }
 
-    fn ask(server: &mut Server, number: u8, ask: Ask) -> Option<Numbered> {
+    fn ask(server: &mut Server<3>, number: u8, ask: Ask) -> Option<Numbered> {
         send(server, TAG, &Asked { number, ask })
     }
 
-    fn heard(server: &mut Server) -> List<Heard> {
+    fn heard(server: &mut Server<3>) -> List<Heard> {
         let mut receiver = Receiver::default();
         let mut heard = List::new();
         for byte in server.waiting() {
@@ -373,13 +368,13 @@ mod tests {
         heard
     }
 
-    fn answer(server: &mut Server) -> Answer<List<f32>> {
+    fn answer(server: &mut Server<3>) -> Answer<List<f32>> {
         let mut heard = heard(server);
         assert_eq!(heard.len(), 1);
         heard.remove(0).answer
     }
 
-    fn period(server: &mut Server, number: u32, mode: Mode, course: Course) -> Option<Numbered> {
+    fn period(server: &mut Server<3>, number: u32, mode: Mode, course: Course) -> Option<Numbered> {
         let record = Telemetry::<[f32; 3]> {
             period: number,
             mode,

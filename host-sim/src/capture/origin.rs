@@ -36,7 +36,7 @@ impl Origin {
     }
 
     /// What the drive said; nothing where it names a kind of drive that there is not.
-    pub(super) fn said(identity: &Identity<'_>) -> Option<Self> {
+    pub(crate) fn said(identity: &Identity<'_>) -> Option<Self> {
         Some(Self {
             kind: Kind::named(identity.kind)?,
             loads: identity.loads.into(),
@@ -105,6 +105,6 @@ impl fmt::Display for Origin {
 }
 
 /// The number that was meant: 0.001 and not 0.0010000000474974513.
-fn short(value: f32) -> f64 {
+pub(crate) fn short(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(value.into())
 }

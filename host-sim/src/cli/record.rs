@@ -1,6 +1,6 @@
 //! `host-sim record`: the last moves of a drive, out of a dump of its memory.
 
-use crate::capture::{RecordedMove, read_memory};
+use crate::capture::{LastMoves, RecordedMove, read_memory};
 use crate::error::{Error, Result};
 use crate::output::{print, write_file};
 use crate::report::record;
@@ -17,6 +17,24 @@ pub(super) struct RecordCommand {
     /// The dump.
     #[arg(value_name = "DUMP.bin")]
     dump: PathBuf,
+    #[command(flatten)]
+    wanted: Wanted,
+}
+
+impl RecordCommand {
+    pub(super) fn run(self, quiet: bool) -> Result<()> {
+        let dump = std::fs::read(&self.dump).map_err(Error::read(&self.dump))?;
+        let last_moves = read_memory(&dump, &self.dump.display().to_string())?;
+        match self.wanted.write(&last_moves)? {
+            Some(written) if !quiet => print(&written),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What is wanted of the last moves, wherever they come from.
+#[derive(Debug, Args)]
+pub(super) struct Wanted {
     /// Which move, by its number; the newest when not given.
     #[arg(long = "move", value_name = "N")]
     number: Option<u32>,
@@ -25,29 +43,26 @@ pub(super) struct RecordCommand {
     out: PathBuf,
     /// Print the move as CSV and write no file.
     #[arg(long)]
-    csv: bool,
+    pub(super) csv: bool,
 }
 
-impl RecordCommand {
-    pub(super) fn run(self, quiet: bool) -> Result<()> {
-        let dump = std::fs::read(&self.dump).map_err(Error::read(&self.dump))?;
-        let last_moves = read_memory(&dump, &self.dump.display().to_string())?;
+impl Wanted {
+    /// Writes a move; what there is to be said then.
+    pub(super) fn write(&self, last_moves: &LastMoves) -> Result<Option<String>> {
         let chosen = self.choose(&last_moves.moves)?;
         let csv = record::csv(chosen, &last_moves.origin)?;
         if self.csv {
-            return print(&String::from_utf8_lossy(&csv));
+            print(&String::from_utf8_lossy(&csv))?;
+            return Ok(None);
         }
         let path = self.out.join("record.csv");
         write_file(&path, &csv)?;
-        if quiet {
-            return Ok(());
-        }
-        print(&format!(
+        Ok(Some(format!(
             "{}Every step of move {}: {}\n",
-            record::table(&last_moves),
+            record::table(last_moves),
             chosen.number,
             path.display()
-        ))
+        )))
     }
 
     fn choose<'a>(&self, moves: &'a [RecordedMove]) -> Result<&'a RecordedMove> {

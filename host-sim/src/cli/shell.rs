@@ -40,9 +40,14 @@ impl ManCommand {
             .disable_help_subcommand(true);
         command.build();
         let pages = std::iter::once((String::from("host-sim"), command.clone()));
-        let below = command
-            .get_subcommands()
-            .map(|sub| (format!("host-sim-{}", sub.get_name()), sub.clone()));
+        let below = command.get_subcommands().flat_map(|sub| {
+            let name = format!("host-sim-{}", sub.get_name());
+            let below = sub.get_subcommands().map({
+                let name = name.clone();
+                move |below| (format!("{name}-{}", below.get_name()), below.clone())
+            });
+            std::iter::once((name, sub.clone())).chain(below)
+        });
         for (name, command) in pages.chain(below) {
             let mut page = Vec::new();
             clap_mangen::Man::new(command)

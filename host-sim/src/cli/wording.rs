@@ -7,18 +7,22 @@ use clap::CommandFactory;
 use std::path::Path;
 
 /// Every parameter that an error can name, and its flag.
-const FLAGS: [(&str, &str); 11] = [
+const FLAGS: [(&str, &str); 15] = [
     ("at", "--at"),
     ("current", "--current"),
     ("distance", "--distance"),
+    ("duration", "--for"),
     ("experiment", "--run"),
     ("from", "--from"),
     ("hold", "--hold"),
     ("move", "--move"),
     ("period", "--period"),
+    ("port", "--port"),
     ("repetitions", "--repeat"),
+    ("target", "X"),
     ("to", "--to"),
     ("travel", "--travel"),
+    ("velocity", "V"),
 ];
 
 /// The sentence of an error.

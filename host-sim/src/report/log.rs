@@ -13,6 +13,7 @@ use arso_core::telemetry::{Column, Quantity};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use serde_json::json;
 use std::collections::BTreeMap;
+use std::io::Write;
 
 /// Whether a column of a record means something.
 fn known(record: &Record, column: &Column) -> bool {
@@ -98,37 +99,82 @@ pub fn json(capture: &Capture, period: f64, kind: Kind) -> serde_json::Value {
 /// [`Error::Report`] when the rows cannot be formed.
 pub fn csv(capture: &Capture, period: f64, kind: Kind) -> Result<Vec<u8>> {
     let failed = |error: String| Error::Report(format!("the log's CSV cannot be formed: {error}"));
-    let shown = shown(capture);
-    let mut writer = ::csv::Writer::from_writer(Vec::new());
-    let header = ["time[s]".into(), "period[1]".into(), "mode[name]".into()];
-    // Last, and the same in every row: which drive wrote this must not get lost.
-    let mark = capture.origins.first().map(Origin::mark);
-    let titles = shown
-        .iter()
-        .map(|column| columns::title(kind.units(), column));
-    writer
-        .write_record(
-            header
-                .into_iter()
-                .chain(titles)
-                .chain(mark.as_ref().map(|_| "drive[name]".into())),
-        )
-        .map_err(|e| failed(e.to_string()))?;
-    for (record, time) in capture.records.iter().zip(capture.times(period)) {
+    let write = || -> ::csv::Result<Rows<Vec<u8>>> {
+        let mut rows = Rows::new(Vec::new(), shown(capture), kind, capture.origins.first())?;
+        for (record, time) in capture.records.iter().zip(capture.times(period)) {
+            rows.add(record, time)?;
+        }
+        Ok(rows)
+    };
+    let rows = write().map_err(|e| failed(e.to_string()))?;
+    rows.writer.into_inner().map_err(|e| failed(e.to_string()))
+}
+
+/// The same, row by row.
+#[derive(Debug)]
+pub struct Rows<W: Write> {
+    writer: ::csv::Writer<W>,
+    shown: Vec<Column>,
+    mark: Option<String>,
+}
+
+impl<W: Write> Rows<W> {
+    /// Begins with the header for records of which this is the first.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn of(into: W, first: &Record, origin: &Origin) -> ::csv::Result<Self> {
+        Self::new(into, first.columns().collect(), origin.kind, Some(origin))
+    }
+
+    fn new(
+        into: W,
+        shown: Vec<Column>,
+        kind: Kind,
+        origin: Option<&Origin>,
+    ) -> ::csv::Result<Self> {
+        let mut writer = ::csv::Writer::from_writer(into);
+        let header = ["time[s]".into(), "period[1]".into(), "mode[name]".into()];
+        // Last, and the same in every row: which drive wrote this must not get lost.
+        let mark = origin.map(Origin::mark);
+        let titles = shown
+            .iter()
+            .map(|column| columns::title(kind.units(), column));
+        let last = mark.as_ref().map(|_| "drive[name]".into());
+        writer.write_record(header.into_iter().chain(titles).chain(last))?;
+        Ok(Self {
+            writer,
+            shown,
+            mark,
+        })
+    }
+
+    /// Writes a record.
+    ///
+    /// * `time`: s
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn add(&mut self, record: &Record, time: f64) -> ::csv::Result<()> {
         let mut row = vec![
             super::time(time).to_string(),
             record.period.to_string(),
             format!("{:?}", record.mode),
         ];
-        row.extend(shown.iter().map(|column| {
+        row.extend(self.shown.iter().map(|column| {
             value(record, column).map_or(String::new(), |value| text(column, value))
         }));
-        row.extend(mark.clone());
-        writer
-            .write_record(row)
-            .map_err(|e| failed(e.to_string()))?;
+        row.extend(self.mark.clone());
+        self.writer.write_record(row)
     }
-    writer.into_inner().map_err(|e| failed(e.to_string()))
+
+    /// Passes on what has been written.
+    ///
+    /// # Errors
+    /// When it cannot be.
+    pub fn flush(&mut self) -> std::io::Result<()> {
+        self.writer.flush()
+    }
 }
 
 /// How long the drive was in which mode, and the range of every quantity.

@@ -3,6 +3,7 @@
 use crate::capture::{LastMoves, Origin, RecordedMove};
 use crate::error::{Error, Result};
 use comfy_table::{Cell, CellAlignment, Table, presets};
+use serde_json::json;
 
 /// One row per control period, as `identify` reads it.
 ///
@@ -31,6 +32,25 @@ pub fn csv(recorded: &RecordedMove, origin: &Origin) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|e| failed(e.to_string()))
 }
 
+/// What the table holds of a move for JSON, SI units.
+#[must_use]
+pub fn json(recorded: &RecordedMove, origin: &Origin) -> serde_json::Value {
+    json!({
+        "number": recorded.number,
+        "period": recorded.period,
+        "duration": super::time(recorded.samples.len() as f64 * origin.period),
+        "peak_current": peak(recorded),
+        "ended": recorded.ended,
+        "cut": recorded.cut,
+    })
+}
+
+/// Largest current, A.
+fn peak(recorded: &RecordedMove) -> f32 {
+    let currents = recorded.samples.iter().map(|sample| sample.applied.0.abs());
+    currents.fold(0.0, f32::max)
+}
+
 /// The moves, the oldest first.
 #[must_use]
 pub fn table(record: &LastMoves) -> String {
@@ -40,7 +60,6 @@ pub fn table(record: &LastMoves) -> String {
     for one in &record.moves {
         let right = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
         let lasts = 1e3 * one.samples.len() as f64 * record.origin.period;
-        let currents = one.samples.iter().map(|sample| sample.applied.0.abs());
         let end = match (one.ended, one.cut) {
             (_, true) => "went on; this is its first part",
             (true, false) => "",
@@ -50,7 +69,7 @@ pub fn table(record: &LastMoves) -> String {
             right(one.number.to_string()),
             right(one.period.to_string()),
             right(format!("{lasts:.0}")),
-            right(format!("{:.3}", currents.fold(0.0, f32::max))),
+            right(format!("{:.3}", peak(one))),
             Cell::new(end),
         ]);
     }
