@@ -217,9 +217,11 @@ impl Display for Lessons {
                 writeln!(f, "| {name} | {median:.2} | {most:.2} | {worst:.2} |")
             };
         writeln!(f, "learned: {} of {}", self.learned(), self.0.len())?;
-        for one in &self.0 {
-            if let Some(refused) = &one.refused {
-                writeln!(f, "  refused: {refused}")?;
+        for (number, one) in self.0.iter().enumerate() {
+            match (&one.refused, one.second) {
+                (Some(refused), _) => writeln!(f, "  plant {number} is refused: {refused}")?,
+                (None, None) => writeln!(f, "  plant {number} does not settle in its second move")?,
+                (None, Some(_)) => {}
             }
         }
         writeln!(f, "| | median | 95 % | worst |")?;
@@ -360,19 +362,23 @@ pub fn degradation(
     distance: f64,
     imperfection: &Imperfection,
 ) -> Result<Degradation> {
+    let sequence = MoveSequence::new(design, &[distance], &[])?;
+    let taught = |number: usize, plant: &PlantFile| {
+        let run = simulate_moves(design, plant, &sequence, Law::Core, sequence.duration())?;
+        let mut random = ChaCha8Rng::seed_from_u64(number as u64);
+        let record = (imperfection.record)(&record(&run), &mut random);
+        learned(&design.drive, &record)
+    };
+    // A drive that stops itself refuses too.
     let all: Vec<(Result<Identification>, PlantFile)> = plants
         .par_iter()
         .enumerate()
         .map(|(number, plant)| {
             let mut plant = plant.clone();
             (imperfection.plant)(&mut plant);
-            let sequence = MoveSequence::new(design, &[distance], &[])?;
-            let run = simulate_moves(design, &plant, &sequence, Law::Core, sequence.duration())?;
-            let mut random = ChaCha8Rng::seed_from_u64(number as u64);
-            let record = (imperfection.record)(&record(&run), &mut random);
-            Ok((learned(&design.drive, &record), plant))
+            (taught(number, &plant), plant)
         })
-        .collect::<Result<_>>()?;
+        .collect();
     let mut result = Degradation::default();
     for (found, plant) in all {
         match found {
