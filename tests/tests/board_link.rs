@@ -192,11 +192,20 @@ fn a_machine_is_commanded_over_it() {
     assert_eq!(host.request(Request::SetPosition(Place(0))), Ok(()));
     assert_eq!(host.request(Request::Start), Ok(()));
 
-    // From the command to the motion: the answer comes two periods later, by then current flows.
+    // From the first bit of the command to the current of the move: two periods at most, and the answer comes in
+    // the next.
     host.periods(50);
-    let (answer, periods) = host.asked(Ask::Request(Request::Move(Place(30_000))));
-    assert_eq!(answer, Answer::Taken);
-    assert!(periods <= 3, "{periods}");
+    let at_rest = host.periods(1)[0].code.unwrap();
+    let ask = Ask::Request(Request::Move(Place(30_000)));
+    host.number = host.number.wrapping_add(1);
+    let number = host.number;
+    host.send(&framed(TAG, &Asked { number, ask }));
+    let periods = host.periods(4);
+    let moved = |period: &Period| period.code.unwrap().abs_diff(at_rest) > 200;
+    let latency = periods.iter().position(moved).unwrap() + 1;
+    assert!(latency <= 3, "{latency}");
+    let answered = host.telemetry.iter().any(|heard| heard.number == number);
+    assert!(answered);
     host.periods(1000);
     let status = host.status();
     assert_eq!(
@@ -242,6 +251,39 @@ fn a_machine_is_commanded_over_it() {
     assert!(!periods[1].enabled);
     assert_eq!(host.request(Request::Start), Err(Reason::RunSwitch));
     assert!(matches!(host.ask(Ask::Faults), Answer::Faults(faults) if faults.is_empty()));
+}
+
+/// Targets drawn at random, each of which is reached by the actuator and by every load.
+fn reaches_random_targets(targets: usize) {
+    let mut host = Host::running();
+    let mut random = ChaCha8Rng::seed_from_u64(1000);
+    for number in 0..targets {
+        let target = random.random_range(-60_000..60_000);
+        assert_eq!(host.request(Request::Move(Place(target))), Ok(()));
+        host.until(2000, |status| status.held == Some(Place(target)));
+        host.periods(150);
+        for position in host.truth() {
+            let off = position - target as f64 * 1e-6;
+            assert!(off.abs() < 50e-6, "target {number}: {off}");
+        }
+    }
+    let status = host.status();
+    assert_eq!(
+        (status.mode, status.lost, status.damaged),
+        (Mode::Running, 0, 0)
+    );
+}
+
+#[test]
+fn random_targets_are_reached() {
+    reaches_random_targets(20);
+}
+
+/// Some minutes: `cargo test --release -p arso-tests --features virtual-board --test board_link -- --ignored`.
+#[test]
+#[ignore = "takes minutes"]
+fn a_thousand_random_targets_are_reached() {
+    reaches_random_targets(1000);
 }
 
 #[test]
