@@ -126,7 +126,10 @@ pub fn new<B: Board>(
         serial: hardware.serial,
         switches: Switches::default(),
         log: Log::new(identity),
-        link: Server::new(identity::introduction(&identity)),
+        link: Server::new(
+            identity::introduction(&identity),
+            Current(GAINS.limits.current_limit),
+        ),
         last_moves,
         periods: periods_out,
         requests: requests_in,

@@ -132,6 +132,8 @@ pub struct Status {
     pub velocity: f32,
     /// Commanded current, A.
     pub command: f32,
+    /// Largest current that is commanded, either way, A.
+    pub current_limit: f32,
     /// Whether the current limit acts.
     pub limited: bool,
     /// Vibration of the load, rms, m.

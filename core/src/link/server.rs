@@ -22,6 +22,7 @@ use crate::fault::Fault;
 use crate::mode::Mode;
 use crate::record::Course;
 use crate::telemetry::Telemetry;
+use crate::units::Current;
 use heapless::{Deque, Vec};
 use serde::Serialize;
 
@@ -77,8 +78,10 @@ pub struct Server<const N: usize> {
 
 impl<const N: usize> Server<N> {
     /// A drive that nobody has spoken to.
+    ///
+    /// * `current_limit`: its largest current
     #[must_use]
-    pub fn new(introduction: Introduction) -> Self {
+    pub fn new(introduction: Introduction, current_limit: Current) -> Self {
         Self {
             // The cast saturates.
             patience: (SILENCE / introduction.sample_time) as u32,
@@ -87,7 +90,10 @@ impl<const N: usize> Server<N> {
             waiting: Vec::new(),
             subscription: None,
             last: None,
-            status: Status::default(),
+            status: Status {
+                current_limit: current_limit.0,
+                ..Status::default()
+            },
             faults: Deque::new(),
             silent: 0,
         }
@@ -226,6 +232,7 @@ impl<const N: usize> Server<N> {
             reference: record.reference,
             velocity: record.velocity,
             command: record.command,
+            current_limit: before.current_limit,
             limited: record.limited,
             vibration: seen.vibration,
             worst_cycles: before.worst_cycles.max(record.cycles),
@@ -327,7 +334,7 @@ mod tests {
     type Heard = Answered<List<f32>>;
 
     fn server() -> Server<3> {
-        Server::new(Introduction {
+        let introduction = Introduction {
             version: VERSION,
             tag: TAG,
             firmware: "0.1.0".try_into().unwrap(),
@@ -336,7 +343,8 @@ mod tests {
             sample_time: 1e-3,
             resolution: 1e-6,
             fingerprint: 0x1234_5678,
-        })
+        };
+        Server::new(introduction, Current(1.85))
     }
 
     fn send<T: Serialize>(server: &mut Server<3>, tag: u16, message: &T) -> Option<Numbered> {
@@ -568,6 +576,7 @@ mod tests {
             fault_value: 5.0,
             run_switch: true,
             held: Some(Place(8)),
+            current_limit: 1.85,
             vibration: 0.5,
             lost: 3,
             damaged: 1,

@@ -87,8 +87,7 @@ impl SerialLine {
         let streams = StreamsTuple::new(dma, rcc);
         let config = DmaConfig::default().memory_increment(true);
         let ring = Ring(&RECEIVED);
-        let mut receive =
-            Transfer::init_peripheral_to_memory(streams.2, rx, ring, None, config);
+        let mut receive = Transfer::init_peripheral_to_memory(streams.2, rx, ring, None, config);
         // SAFETY: the stream has not been started; round and round in the memory that it has anyway.
         unsafe { receive.stream() }.set_circular_mode(true);
         receive.start(|_| ());
