@@ -39,8 +39,8 @@ pub struct Queues {
 /// What a control period was: its record, what was done with the machine, and whether the run switch was closed.
 type Period = (Telemetry<[f32; LOADS]>, Course, bool);
 
-/// What became of a request.
-type Outcome = (Numbered, Result<(), Refusal>);
+/// What became of a request, and the first control period that it had an effect on.
+type Outcome = (Numbered, Result<(), Refusal>, u32);
 
 impl Queues {
     /// Empty ones.
@@ -202,7 +202,8 @@ impl<B: Board> Control<B> {
     fn tell(&mut self, asked: Numbered, outcome: Result<(), Refusal>) {
         if asked.number.is_some() || outcome.is_err() {
             // A full queue loses it: whoever asked over the link asks again.
-            let _ = self.outcomes.enqueue((asked, outcome));
+            let period = self.controller.telemetry().period.wrapping_add(1);
+            let _ = self.outcomes.enqueue((asked, outcome, period));
         }
     }
 
@@ -227,11 +228,11 @@ impl<B: Board> Idle<B> {
             };
             self.watchdog.feed();
             self.log.record(&record);
-            while let Some((asked, outcome)) = self.outcomes.dequeue() {
+            while let Some((asked, outcome, period)) = self.outcomes.dequeue() {
                 if let Err(refusal) = outcome {
                     self.log.refusal(&refusal);
                 }
-                self.link.outcome(asked, outcome);
+                self.link.outcome(asked, outcome, period);
             }
             let seen = Seen {
                 course,

@@ -14,7 +14,8 @@
 //! |---|---|
 //! | [`cli`] | the command line: parses, and words flags |
 //! | [`report`] | everything that is shown: tables, JSON, CSV, plots |
-//! | [`excite`], [`identify`], [`compare`], [`capture`], [`link`] | what is done with a drive, each by itself |
+//! | [`link`] | a drive that is connected: what is asked of it, and what it answers |
+//! | [`excite`], [`identify`], [`compare`], [`capture`] | what is done with a drive, each by itself |
 //! | [`simulate`] | the closed loop: plant, the control core ([`simulate::corridor`]), scenarios, metrics |
 //! | [`design`] | from a drive to gains, and what is to be said of them |
 //! | [`drive`] | the description of a drive, read and checked; knows no design |

@@ -1,8 +1,8 @@
 //! Files and standard output, whole or not at all; numbers as people read them; how far a long task is.
 
 use crate::error::{Error, Result};
-use std::io::Write;
-use std::path::Path;
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Called by what takes long: steps done, steps in all, and what comes next.
@@ -42,29 +42,73 @@ fn clean_up(directory: &Path) {
 /// # Errors
 /// [`Error::Write`]; the old file then stands.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
-    let error = Error::write(path);
-    // A device or a pipe would be replaced by a file.
-    if path.metadata().is_ok_and(|found| !found.is_file()) {
-        return Err(error(std::io::Error::other("is there and is no file")));
+    let mut file = Unfinished::create(path)?;
+    file.write_all(content).map_err(Error::write(path))?;
+    file.finish()
+}
+
+/// A regular file that is there once it is finished; until then the old one stands.
+#[derive(Debug)]
+pub struct Unfinished {
+    file: tempfile::NamedTempFile,
+    path: PathBuf,
+}
+
+impl Unfinished {
+    /// Begins a file in the folder of `path`.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn create(path: &Path) -> Result<Self> {
+        let error = Error::write(path);
+        // A device or a pipe would be replaced by a file.
+        if path.metadata().is_ok_and(|found| !found.is_file()) {
+            return Err(error(std::io::Error::other("is there and is no file")));
+        }
+        let directory = match path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        std::fs::create_dir_all(directory).map_err(&error)?;
+        clean_up(directory);
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
+        // What a plainly created file would get before the umask, not a temporary file's owner-only.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.tempfile_in(directory).map_err(&error)?;
+        // Where files cannot be locked, none is taken for abandoned either.
+        let _ = file.as_file().try_lock();
+        let path = path.to_owned();
+        Ok(Self { file, path })
     }
-    let directory = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    std::fs::create_dir_all(directory).map_err(&error)?;
-    clean_up(directory);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
-    // What a plainly created file would get before the umask, not a temporary file's owner-only.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(directory).map_err(&error)?;
-    // Where files cannot be locked, none is taken for abandoned either.
-    let _ = file.as_file().try_lock();
-    file.write_all(content).map_err(&error)?;
-    file.as_file().sync_all().map_err(&error)?;
-    file.persist(path).map_err(|e| error(e.error))?;
-    Ok(())
+
+    /// Puts it in the place of the old one.
+    ///
+    /// # Errors
+    /// [`Error::Write`]; the old file then stands.
+    pub fn finish(self) -> Result<()> {
+        let error = Error::write(&self.path);
+        self.file.as_file().sync_all().map_err(&error)?;
+        self.file.persist(&self.path).map_err(|e| error(e.error))?;
+        Ok(())
+    }
+}
+
+impl Write for Unfinished {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Seek for Unfinished {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.file.seek(to)
+    }
 }
 
 /// Prints text; a reader that has gone away (`| head`) is no error.

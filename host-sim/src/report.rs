@@ -1,7 +1,7 @@
 //! What the user gets: tables for people, JSON for machines, CSV of every step, plots.
 //!
 //! Every figure arrives here computed; a file for each thing that is reported (`design`, `experiments`,
-//! `comparison`, `moves`, `bound`, `excitation`, `identification`, `learning`, `log`, `record`, `link`,
+//! `comparison`, `moves`, `bound`, `excitation`, `identification`, `learning`, `log`, `mcap`, `record`, `link`,
 //! `paper`, `horizon`), `csv` for a run, `plot` for drawing.
 
 pub mod bound;
@@ -17,6 +17,7 @@ pub mod learning;
 mod lines;
 pub mod link;
 pub mod log;
+pub mod mcap;
 pub mod moves;
 pub mod paper;
 pub mod plot;

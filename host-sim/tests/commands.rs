@@ -62,6 +62,7 @@ fn quiet_is_quiet_and_files_are_written() {
         "excitation.csv",
         "host-sim.1",
         "host-sim-excite.1",
+        "host-sim-drive-move.1",
     ] {
         assert!(directory.path().join(name).exists(), "{name}");
     }

@@ -84,10 +84,6 @@ pub struct Answered<L> {
 /// What the drive answers; `L` holds a value for each load mass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[serde(bound(serialize = "L: AsRef<[f32]>", deserialize = "L: Deserialize<'de>"))]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is no heap to put the larger ones on"
-)]
 pub enum Answer<L> {
     /// See [`Ask::Status`].
     Status(Status),
@@ -107,6 +103,10 @@ pub enum Answer<L> {
 
 /// What the drive is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a fact of its own, as on the wire"
+)]
 pub struct Status {
     /// Control period that it is of.
     pub period: u32,

@@ -71,6 +71,8 @@ pub struct Server<const N: usize> {
     last: Option<(Asked, Option<Result<(), Refusal>>)>,
     status: Status,
     faults: Deque<PastFault, FAULTS>,
+    /// Control period in which the jog began.
+    jog_from: u32,
     /// Control periods without a frame, and how many are too many in a jog.
     silent: u32,
     patience: u32,
@@ -95,6 +97,7 @@ impl<const N: usize> Server<N> {
                 ..Status::default()
             },
             faults: Deque::new(),
+            jog_from: 0,
             silent: 0,
         }
     }
@@ -109,32 +112,25 @@ impl<const N: usize> Server<N> {
     ///
     /// * `word`: of the last moves, where there is such a one
     pub fn take(&mut self, byte: u8, word: impl Fn(usize) -> Option<u32>) -> Option<Numbered> {
-        let frame = match self.receiver.take(byte)? {
-            Ok(frame) => frame,
-            Err(_) => {
-                self.damaged();
-                return None;
-            }
+        let Ok(frame) = self.receiver.take(byte)? else {
+            self.damaged();
+            return None;
         };
-        match frame.tag {
-            HELLO => {
-                (self.last, self.subscription) = (None, None);
-                put(&mut self.waiting, HELLO, &self.introduction);
-                None
-            }
-            TAG => match frame.message() {
-                Ok(asked) => {
-                    self.silent = 0;
-                    self.answer(asked, word)
-                }
-                Err(_) => {
-                    self.damaged();
-                    None
-                }
-            },
-            // Of another version.
-            _ => None,
+        if frame.tag == HELLO {
+            (self.last, self.subscription) = (None, None);
+            put(&mut self.waiting, HELLO, &self.introduction);
+            return None;
         }
+        // Of another version.
+        if frame.tag != TAG {
+            return None;
+        }
+        let Ok(asked) = frame.message() else {
+            self.damaged();
+            return None;
+        };
+        self.silent = 0;
+        self.answer(asked, word)
     }
 
     fn damaged(&mut self) {
@@ -188,9 +184,12 @@ impl<const N: usize> Server<N> {
     }
 
     /// What became of a request, whoever asked.
-    pub fn outcome(&mut self, asked: Numbered, outcome: Result<(), Refusal>) {
+    ///
+    /// * `period`: the first one that it had an effect on; its record, and earlier ones, may still be on their way
+    pub fn outcome(&mut self, asked: Numbered, outcome: Result<(), Refusal>, period: u32) {
         if outcome.is_ok() {
             self.status.jogging = matches!(asked.request, Request::Jog(_));
+            self.jog_from = period;
         }
         let Some(number) = asked.number else {
             return;
@@ -220,13 +219,16 @@ impl<const N: usize> Server<N> {
             Course::Held(place) if record.mode == Mode::Running => Some(place),
             _ => None,
         };
+        // A record from before the jog knows nothing of it.
+        let later = record.period.wrapping_sub(self.jog_from) < u32::MAX / 2;
+        let ended = later && (record.mode != Mode::Running || held.is_some());
         self.status = Status {
             period: record.period,
             mode: record.mode,
             fault_value: record.fault_value,
             run_switch: seen.run_switch,
             position_set: record.position_set,
-            jogging: before.jogging && record.mode == Mode::Running && held.is_none(),
+            jogging: before.jogging && !ended,
             held,
             position: record.position,
             reference: record.reference,
@@ -413,7 +415,7 @@ mod tests {
             mode: Mode::Idle,
             reason: Reason::Mode,
         };
-        server.outcome(taken, Err(refusal));
+        server.outcome(taken, Err(refusal), 0);
         assert_eq!(answer(&mut server), Answer::Refused(refusal));
         assert_eq!(ask(&mut server, 7, Ask::Request(request)), None);
         assert_eq!(answer(&mut server), Answer::Refused(refusal));
@@ -459,12 +461,15 @@ mod tests {
     fn a_jog_ends_where_the_host_falls_silent() {
         let mut server = server();
         let jog = ask(&mut server, 1, Ask::Request(JOG)).unwrap();
-        server.outcome(jog, Ok(()));
+        server.outcome(jog, Ok(()), 3);
         for number in 0..99 {
-            assert_eq!(
-                period(&mut server, number, Mode::Running, Course::Moved),
-                None
-            );
+            // Records from before it may come after it.
+            let course = if number < 3 {
+                Course::Held(Place(0))
+            } else {
+                Course::Moved
+            };
+            assert_eq!(period(&mut server, number, Mode::Running, course), None);
         }
         // A frame is a sign of life, noise and frames of other versions are none.
         ask(&mut server, 2, Ask::Heartbeat);
@@ -482,7 +487,7 @@ mod tests {
         assert_eq!(period(&mut server, 100, Mode::Running, Course::Moved), None);
         // Nobody is answered.
         server.taken();
-        server.outcome(halt, Ok(()));
+        server.outcome(halt, Ok(()), 101);
         assert_eq!(heard(&mut server), []);
         // A move needs no sign of life, nor does a jog that has ended otherwise.
         for (request, mode, course) in [
@@ -491,7 +496,7 @@ mod tests {
             (JOG, Mode::Ready, Course::Free),
         ] {
             let asked = ask(&mut server, 9, Ask::Request(request)).unwrap();
-            server.outcome(asked, Ok(()));
+            server.outcome(asked, Ok(()), 0);
             for number in 0..300 {
                 assert_eq!(period(&mut server, number, mode, course), None);
             }

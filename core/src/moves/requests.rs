@@ -73,6 +73,7 @@ impl Moves<'_> {
     }
 
     /// Whether a move leads from one place to another, with as much to spare as it may have to wait.
+    #[must_use]
     pub fn lead(&self, from: Place, to: Place) -> bool {
         let distance = to.counts_from(from) as f32 * self.resolution;
         let periods = distance.abs() / (self.plans.change.reach * self.sample_time);
