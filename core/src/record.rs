@@ -49,13 +49,14 @@ pub const VERSION: u32 = 1;
 /// Words before the ring.
 pub const HEADER: usize = 15;
 
-/// Words before the samples of a stretch.
-const BEFORE: usize = 4;
-/// Places in the header.
-const OLDEST: usize = 13;
-const HELD: usize = 14;
-/// In the last word before the samples.
-const SAMPLES: u32 = 0xFFFF;
+/// Words of a stretch before its samples.
+pub const BEFORE: usize = 4;
+/// Place in the header: where the oldest stretch begins.
+pub const OLDEST: usize = 13;
+/// Place in the header: how many stretches there are.
+pub const HELD: usize = 14;
+/// In the last word before the samples: how many there are.
+pub const SAMPLES: u32 = 0xFFFF;
 const ENDED: u32 = 1 << 16;
 const CUT: u32 = 1 << 17;
 

@@ -207,7 +207,7 @@ mod tests {
             count: u32::MAX - period,
             applied_current: x.sin() / 3.0,
             command: -x.cos() * 7.0,
-            limited: period % 2 == 0,
+            limited: period.is_multiple_of(2),
             position_set: true,
             reference: f32::MIN_POSITIVE * (1.0 + x),
             position: 1e-7 / (x + 1.0),

@@ -22,7 +22,8 @@ use watching::watch;
 ///
 /// State, masses, current, curves of the last 10 s, faults; for example
 /// `host-sim drive --port /dev/ttyACM0 watch --mcap run.mcap`. Keys: q ends it and leaves the drive as it is, s brings
-/// the machine to rest. What it shows can be recorded meanwhile; MCAP is what Foxglove and `PlotJuggler` open.
+/// the machine to rest, and takes the drive over from its switches. What it shows can be recorded meanwhile; MCAP is
+/// what Foxglove and `PlotJuggler` open.
 #[derive(Debug, Args)]
 pub(super) struct WatchCommand {
     /// A record of every so manieth control period; 100 records a second without it.
