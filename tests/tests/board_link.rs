@@ -68,14 +68,17 @@ impl Host {
         self.rig.board.bus_mut().send(bytes);
     }
 
-    /// One control period, and the frames that came in it.
-    fn period(&mut self) -> (Period, Vec<(u16, Option<Answered<Vec<f32>>>)>) {
+    /// One control period, and what was heard in it.
+    fn period(&mut self) -> (Period, Vec<Answered<Vec<f32>>>) {
         let period = self.rig.period().unwrap();
         let mut frames = Vec::new();
         for byte in self.rig.board.bus_mut().received() {
             match self.receiver.take(byte) {
                 None => {}
-                Some(Ok(frame)) => frames.push((frame.tag, frame.message().ok())),
+                Some(Ok(frame)) => {
+                    assert_eq!(frame.tag, TAG);
+                    frames.push(frame.message().unwrap());
+                }
                 Some(Err(_)) => self.damaged += 1,
             }
         }
@@ -87,33 +90,26 @@ impl Host {
         for _ in 0..periods {
             let (period, frames) = self.period();
             all.push(period);
-            self.telemetry
-                .extend(frames.into_iter().filter_map(|(_, message)| message));
+            self.telemetry.extend(frames);
         }
         all
     }
 
-    /// Sends a question and waits; how many periods the answer took.
-    fn asked(&mut self, ask: Ask) -> (Answer<Vec<f32>>, u32) {
+    /// Sends a question and waits for its answer.
+    fn ask(&mut self, ask: Ask) -> Answer<Vec<f32>> {
         self.number = self.number.wrapping_add(1);
         let number = self.number;
         self.send(&framed(TAG, &Asked { number, ask }));
-        for periods in 1..50 {
-            for (_, message) in self.period().1 {
-                match message {
-                    Some(heard) if matches!(heard.answer, Answer::Telemetry(_)) => {
-                        self.telemetry.push(heard);
-                    }
-                    Some(heard) if heard.number == number => return (heard.answer, periods),
-                    _ => {}
+        for _ in 0..50 {
+            for heard in self.period().1 {
+                if matches!(heard.answer, Answer::Telemetry(_)) {
+                    self.telemetry.push(heard);
+                } else if heard.number == number {
+                    return heard.answer;
                 }
             }
         }
         panic!("no answer to {ask:?}");
-    }
-
-    fn ask(&mut self, ask: Ask) -> Answer<Vec<f32>> {
-        self.asked(ask).0
     }
 
     fn request(&mut self, request: Request) -> Result<(), Reason> {
@@ -439,13 +435,9 @@ fn abuse_is_not_felt() {
         let mut frame = question(k as u8, Ask::Request(Request::Stop));
         match k % 4 {
             0 => {
-                frame = framed(
-                    TAG ^ 1,
-                    &Asked {
-                        number: 1,
-                        ask: Ask::Request(Request::Stop),
-                    },
-                )
+                let number = 1;
+                let ask = Ask::Request(Request::Stop);
+                frame = framed(TAG ^ 1, &Asked { number, ask });
             }
             1 => frame.truncate(random.random_range(0..frame.len() - 1)),
             2 => frame[4] ^= 0x10,
