@@ -177,7 +177,6 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
     pub fn request(&mut self, request: Request) -> Result<(), Refusal> {
         let mode = self.mode();
         let next = mode.next(request)?;
-        let request = self.absolute(request);
         let refused = |reason| {
             Err(Refusal {
                 request,
@@ -185,6 +184,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
                 reason,
             })
         };
+        let request = self.absolute(request);
         match (request, self.excitation, &mut self.activity) {
             (Request::Excite, None, _) => return refused(Reason::NoExcitation),
             (Request::Excite, Some(excitation), activity) => {
@@ -248,8 +248,10 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
     #[must_use]
     pub fn course(&self) -> Course {
         match &self.activity {
+            // What waits for rest goes on.
             Activity::Running(Running {
                 memory: Some(memory),
+                asked: None,
                 ..
             }) if memory.moves.rests() => Course::Held(memory.target),
             Activity::Running(Running {
@@ -261,6 +263,18 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             }) => Course::Moved,
             _ => Course::Free,
         }
+    }
+
+    /// Whether it moves at a velocity, or is about to, until something else is asked: who asked is to be watched.
+    #[must_use]
+    pub fn jogs(&self) -> bool {
+        let Activity::Running(running) = &self.activity else {
+            return false;
+        };
+        let moves = running.memory.as_ref().map(|memory| &memory.moves);
+        let under_way = running.asked.is_none() && moves.is_some_and(moves::Memory::jogs);
+        let waits = matches!(running.asked, Some(Request::Jog(_)));
+        running.stopping.is_none() && (under_way || waits)
     }
 
     /// Record of the last period.

@@ -36,11 +36,18 @@ pub struct Queues {
     outcomes: Queue<Outcome, REQUESTS>,
 }
 
-/// What a control period was: its record, what was done with the machine, and whether the run switch was closed.
-type Period = (Telemetry<[f32; LOADS]>, Course, bool);
+/// What a control period was.
+struct Period {
+    record: Telemetry<[f32; LOADS]>,
+    /// What was done with the machine, and whether it jogs.
+    course: Course,
+    jogs: bool,
+    /// Whether the run switch was closed.
+    run_switch: bool,
+}
 
-/// What became of a request, and the first control period that it had an effect on.
-type Outcome = (Numbered, Result<(), Refusal>, u32);
+/// What became of a request.
+type Outcome = (Numbered, Result<(), Refusal>);
 
 impl Queues {
     /// Empty ones.
@@ -146,7 +153,10 @@ impl<B: Board> Control<B> {
         self.timer.acknowledge();
         let run = self.run_switch.closed();
         if run {
-            if let Some(asked) = self.requests.dequeue() {
+            // What became of it can be told.
+            if self.outcomes.ready()
+                && let Some(asked) = self.requests.dequeue()
+            {
                 let outcome = self.controller.request(asked.request);
                 self.tell(asked, outcome);
             }
@@ -195,15 +205,19 @@ impl<B: Board> Control<B> {
         );
         record.cycles = self.cycles.now().wrapping_sub(start);
         // A full queue loses the record; its number is missing in the log, which counts that.
-        let _ = self.periods.enqueue((record, course, run));
+        let _ = self.periods.enqueue(Period {
+            record,
+            course,
+            jogs: self.controller.jogs(),
+            run_switch: run,
+        });
     }
 
     /// The idle loop is told what became of a request; of one that the switches made, if nothing did.
     fn tell(&mut self, asked: Numbered, outcome: Result<(), Refusal>) {
         if asked.number.is_some() || outcome.is_err() {
-            // A full queue loses it: whoever asked over the link asks again.
-            let period = self.controller.telemetry().period.wrapping_add(1);
-            let _ = self.outcomes.enqueue((asked, outcome, period));
+            // A full queue loses it, of requests that an open run switch makes void.
+            let _ = self.outcomes.enqueue((asked, outcome));
         }
     }
 
@@ -221,21 +235,28 @@ impl<B: Board> Idle<B> {
     /// Everything that may take its time, for ever.
     pub fn run(&mut self) -> ! {
         loop {
-            let Some((record, course, run_switch)) = self.periods.dequeue() else {
+            let Some(period) = self.periods.dequeue() else {
                 // The next control interrupt brings the next record.
                 B::wait_for_interrupt();
                 continue;
             };
+            let Period {
+                record,
+                course,
+                jogs,
+                run_switch,
+            } = period;
             self.watchdog.feed();
             self.log.record(&record);
-            while let Some((asked, outcome, period)) = self.outcomes.dequeue() {
+            while let Some((asked, outcome)) = self.outcomes.dequeue() {
                 if let Err(refusal) = outcome {
                     self.log.refusal(&refusal);
                 }
-                self.link.outcome(asked, outcome, period);
+                self.link.outcome(asked, outcome);
             }
             let seen = Seen {
                 course,
+                jogs,
                 run_switch,
                 vibration: self.log.vibration(),
             };
@@ -275,7 +296,9 @@ impl<B: Board> Idle<B> {
     fn ask(&mut self, asked: Numbered) {
         if self.requests.enqueue(asked).is_err() {
             defmt::warn!("a request was lost: the control interrupt takes none");
-            self.link.busy();
+            if asked.number.is_some() {
+                self.link.busy();
+            }
         }
     }
 }

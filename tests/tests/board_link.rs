@@ -188,8 +188,7 @@ fn a_machine_is_commanded_over_it() {
     assert_eq!(host.request(Request::SetPosition(Place(0))), Ok(()));
     assert_eq!(host.request(Request::Start), Ok(()));
 
-    // From the first bit of the command to the current of the move: two periods at most, and the answer comes in
-    // the next.
+    // From the first bit of the command to the current of the move: three periods at most, and the answer comes soon.
     host.periods(50);
     let at_rest = host.periods(1)[0].code.unwrap();
     let ask = Ask::Request(Request::Move(Place(30_000)));
@@ -319,6 +318,33 @@ fn a_jog_ends_in_a_planned_stop_where_the_host_is_unplugged() {
     let status = host.status();
     assert_eq!(status.mode, Mode::Running);
     assert!(status.held.is_some() && !status.jogging && status.damaged == 1);
+}
+
+/// What waits for rest is never held on the way, and a jog that waits is watched.
+#[test]
+fn what_is_asked_on_top_of_a_move_waits_for_its_end() {
+    let mut host = Host::running();
+    assert_eq!(host.request(Request::Move(Place(40_000))), Ok(()));
+    host.periods(20);
+    // It lies behind.
+    assert_eq!(host.request(Request::Move(Place(-10_000))), Ok(()));
+    let held = host.until(2000, |status| status.held.is_some());
+    assert_eq!(held.held, Some(Place(-10_000)));
+    assert_eq!(host.request(Request::Move(Place(30_000))), Ok(()));
+    host.periods(20);
+    assert_eq!(host.request(Request::Jog(Velocity(-0.05))), Ok(()));
+    // The host is gone.
+    host.periods(1500);
+    let status = host.status();
+    assert!(status.held.is_some() && !status.jogging, "{status:?}");
+    // A step waits for rest too, and ends a jog.
+    assert_eq!(host.request(Request::Jog(Velocity(0.05))), Ok(()));
+    host.periods(50);
+    let near = host.status().position * 1e6;
+    let place = Place(near as i64 + 10_000);
+    assert_eq!(host.request(Request::Step(place)), Ok(()));
+    host.periods(1000);
+    assert_eq!(host.status().held, Some(place));
 }
 
 #[test]
@@ -458,5 +484,12 @@ fn abuse_is_not_felt() {
         }
     });
     same(&full, &quiet);
-    assert!(host.telemetry.len() > 400, "{}", host.telemetry.len());
+    let records = |heard: &&Answered<_>| matches!(heard.answer, Answer::Telemetry(_));
+    let (records, answers): (Vec<_>, Vec<_>) = host.telemetry.iter().partition(records);
+    assert!(
+        records.len() > 100 && answers.len() > 100,
+        "{} {}",
+        records.len(),
+        answers.len()
+    );
 }

@@ -20,7 +20,7 @@
 //! | `Ready` | ready to switch on; switched on while the run switch is closed | none |
 //! | `Commissioning`, `Exciting` | operation enabled | −1, −2: the manufacturer's own |
 //! | `Running` | operation enabled | profile position (1), profile velocity (3) while it jogs |
-//! | `Stopping` | fault reaction active | as before |
+//! | `Stopping` | fault reaction active | profile position |
 //! | `Fault` | fault | none |
 
 use super::message::Status;
@@ -107,7 +107,7 @@ impl Status {
         match self.mode {
             Mode::Commissioning => -1,
             Mode::Exciting => -2,
-            Mode::Running | Mode::Stopping(_) if self.jogging => 3,
+            Mode::Running if self.jogging => 3,
             Mode::Running | Mode::Stopping(_) => 1,
             Mode::Idle | Mode::Ready | Mode::Fault(_) => 0,
         }

@@ -48,7 +48,7 @@ const fn tag() -> u16 {
 /// A question with its number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Asked {
-    /// Not that of the question before.
+    /// Not that of the question before, nor that of the last request, however long ago that was.
     pub number: u8,
     /// The question.
     pub ask: Ask,
@@ -118,7 +118,7 @@ pub struct Status {
     pub run_switch: bool,
     /// Whether zero is known.
     pub position_set: bool,
-    /// Whether the link has taken the drive over from the switches.
+    /// Whether the link commands the drive, and no longer the switches.
     pub remote: bool,
     /// Whether the drive moves at a velocity that was asked for.
     pub jogging: bool,

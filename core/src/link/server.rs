@@ -10,8 +10,8 @@
 //! *Once.* A request that comes again with its number, because its answer was lost, is answered again and not
 //! carried out again. [`HELLO`] begins anew.
 //!
-//! *Silence.* A jog goes on for as long as frames come. After [`SILENCE`] seconds without one the machine is
-//! brought to rest by a plan.
+//! *Silence.* A jog goes on for as long as questions come. After [`SILENCE`] seconds without one, and where another
+//! host says [`HELLO`], the machine is brought to rest by a plan.
 
 use super::frame::{LONGEST, Receiver, frame};
 use super::message::{
@@ -36,6 +36,8 @@ pub const WAITING: usize = 512;
 pub struct Seen {
     /// What is done with the machine.
     pub course: Course,
+    /// Whether it jogs, or is about to.
+    pub jogs: bool,
     /// Whether the run switch is closed.
     pub run_switch: bool,
     /// Vibration of the load, rms, m.
@@ -50,6 +52,12 @@ pub struct Numbered {
     /// What is asked.
     pub request: Request,
 }
+
+/// What the drive asks of itself where its host is not there.
+const HALT: Numbered = Numbered {
+    number: None,
+    request: Request::Halt,
+};
 
 /// Telemetry that was subscribed to.
 #[derive(Clone, Copy, Debug)]
@@ -71,8 +79,6 @@ pub struct Server<const N: usize> {
     last: Option<(Asked, Option<Result<(), Refusal>>)>,
     status: Status,
     faults: Deque<PastFault, FAULTS>,
-    /// Control period in which the jog began.
-    jog_from: u32,
     /// Control periods without a frame, and how many are too many in a jog.
     silent: u32,
     patience: u32,
@@ -97,12 +103,11 @@ impl<const N: usize> Server<N> {
                 ..Status::default()
             },
             faults: Deque::new(),
-            jog_from: 0,
             silent: 0,
         }
     }
 
-    /// Whether the link commands the drive: something was asked of it since the reset.
+    /// Whether the link commands the drive: somebody has spoken since the reset.
     #[must_use]
     pub fn remote(&self) -> bool {
         self.status.remote
@@ -117,9 +122,14 @@ impl<const N: usize> Server<N> {
             return None;
         };
         if frame.tag == HELLO {
+            // A question, and not what the drive says itself, come back from the other end.
+            if frame.message() != Ok(()) {
+                return None;
+            }
+            self.status.remote = true;
             (self.last, self.subscription) = (None, None);
             put(&mut self.waiting, HELLO, &self.introduction);
-            return None;
+            return self.status.jogging.then_some(HALT);
         }
         // Of another version.
         if frame.tag != TAG {
@@ -129,6 +139,7 @@ impl<const N: usize> Server<N> {
             self.damaged();
             return None;
         };
+        self.status.remote = true;
         self.silent = 0;
         self.answer(asked, word)
     }
@@ -155,21 +166,18 @@ impl<const N: usize> Server<N> {
                 Answer::LastMoves(places.map_while(word).collect())
             }
             Ask::Faults => Answer::Faults(self.faults.iter().copied().collect()),
-            Ask::Request(request) => {
-                self.status.remote = true;
-                match self.last {
-                    Some((last, outcome)) if last == asked => match outcome {
-                        Some(Ok(())) => Answer::Taken,
-                        Some(Err(refusal)) => Answer::Refused(refusal),
-                        None => return None,
-                    },
-                    _ => {
-                        self.last = Some((asked, None));
-                        let number = Some(number);
-                        return Some(Numbered { number, request });
-                    }
+            Ask::Request(request) => match self.last {
+                Some((last, outcome)) if last == asked => match outcome {
+                    Some(Ok(())) => Answer::Taken,
+                    Some(Err(refusal)) => Answer::Refused(refusal),
+                    None => return None,
+                },
+                _ => {
+                    self.last = Some((asked, None));
+                    let number = Some(number);
+                    return Some(Numbered { number, request });
                 }
-            }
+            },
         };
         self.say(number, answer);
         None
@@ -184,13 +192,7 @@ impl<const N: usize> Server<N> {
     }
 
     /// What became of a request, whoever asked.
-    ///
-    /// * `period`: the first one that it had an effect on; its record, and earlier ones, may still be on their way
-    pub fn outcome(&mut self, asked: Numbered, outcome: Result<(), Refusal>, period: u32) {
-        if outcome.is_ok() {
-            self.status.jogging = matches!(asked.request, Request::Jog(_));
-            self.jog_from = period;
-        }
+    pub fn outcome(&mut self, asked: Numbered, outcome: Result<(), Refusal>) {
         let Some(number) = asked.number else {
             return;
         };
@@ -219,16 +221,13 @@ impl<const N: usize> Server<N> {
             Course::Held(place) if record.mode == Mode::Running => Some(place),
             _ => None,
         };
-        // A record from before the jog knows nothing of it.
-        let later = record.period.wrapping_sub(self.jog_from) < u32::MAX / 2;
-        let ended = later && (record.mode != Mode::Running || held.is_some());
         self.status = Status {
             period: record.period,
             mode: record.mode,
             fault_value: record.fault_value,
             run_switch: seen.run_switch,
             position_set: record.position_set,
-            jogging: before.jogging && !ended,
+            jogging: seen.jogs,
             held,
             position: record.position,
             reference: record.reference,
@@ -245,14 +244,8 @@ impl<const N: usize> Server<N> {
         self.remember(before.mode, record);
         self.stream(record);
         self.silent = self.silent.saturating_add(1);
-        if self.silent < self.patience || !self.status.jogging {
-            return None;
-        }
-        self.status.jogging = false;
-        Some(Numbered {
-            number: None,
-            request: Request::Halt,
-        })
+        // Until it does not.
+        (seen.jogs && self.silent >= self.patience).then_some(HALT)
     }
 
     /// A fault that is new is kept; the oldest makes room.
@@ -385,6 +378,20 @@ mod tests {
     }
 
     fn period(server: &mut Server<3>, number: u32, mode: Mode, course: Course) -> Option<Numbered> {
+        seen(server, number, mode, course, false)
+    }
+
+    fn jog(server: &mut Server<3>, number: u32) -> Option<Numbered> {
+        seen(server, number, Mode::Running, Course::Moved, true)
+    }
+
+    fn seen(
+        server: &mut Server<3>,
+        number: u32,
+        mode: Mode,
+        course: Course,
+        jogs: bool,
+    ) -> Option<Numbered> {
         let record = Telemetry::<[f32; 3]> {
             period: number,
             mode,
@@ -393,6 +400,7 @@ mod tests {
         };
         let seen = Seen {
             course,
+            jogs,
             run_switch: true,
             vibration: 0.5,
         };
@@ -415,7 +423,7 @@ mod tests {
             mode: Mode::Idle,
             reason: Reason::Mode,
         };
-        server.outcome(taken, Err(refusal), 0);
+        server.outcome(taken, Err(refusal));
         assert_eq!(answer(&mut server), Answer::Refused(refusal));
         assert_eq!(ask(&mut server, 7, Ask::Request(request)), None);
         assert_eq!(answer(&mut server), Answer::Refused(refusal));
@@ -441,67 +449,59 @@ mod tests {
     }
 
     #[test]
-    fn only_requests_take_the_drive_over() {
-        let mut server = server();
-        for one in [
-            Ask::Status,
-            Ask::Heartbeat,
-            Ask::Subscribe(0),
-            Ask::LastMoves(0),
-            Ask::Faults,
-        ] {
-            assert_eq!(ask(&mut server, 1, one), None);
-            assert!(!server.remote());
-        }
-        ask(&mut server, 1, Ask::Request(Request::Stop));
-        assert!(server.remote());
+    fn whoever_speaks_takes_the_drive_over() {
+        let mut noise = server();
+        noise.take(3, |_| None);
+        noise.take(0, |_| None);
+        send(&mut noise, TAG ^ 0x5555, &());
+        // Its own voice, from a line that is short-circuited.
+        let introduction = noise.introduction.clone();
+        send(&mut noise, HELLO, &introduction);
+        assert!(!noise.remote() && noise.waiting().is_empty());
+        let mut greeted = server();
+        send(&mut greeted, HELLO, &());
+        assert!(greeted.remote());
+        let mut asked = server();
+        ask(&mut asked, 1, Ask::Status);
+        assert!(asked.remote());
     }
 
     #[test]
     fn a_jog_ends_where_the_host_falls_silent() {
         let mut server = server();
-        let jog = ask(&mut server, 1, Ask::Request(JOG)).unwrap();
-        server.outcome(jog, Ok(()), 3);
+        let asked = ask(&mut server, 1, Ask::Request(JOG)).unwrap();
+        server.outcome(asked, Ok(()));
         for number in 0..99 {
-            // Records from before it may come after it.
-            let course = if number < 3 {
-                Course::Held(Place(0))
-            } else {
-                Course::Moved
-            };
-            assert_eq!(period(&mut server, number, Mode::Running, course), None);
+            assert_eq!(jog(&mut server, number), None);
         }
-        // A frame is a sign of life, noise and frames of other versions are none.
+        // A question is a sign of life; noise and frames of other versions are none.
         ask(&mut server, 2, Ask::Heartbeat);
         for number in 0..99 {
-            assert_eq!(
-                period(&mut server, number, Mode::Running, Course::Moved),
-                None
-            );
+            assert_eq!(jog(&mut server, number), None);
             send(&mut server, TAG ^ 0x5555, &());
             server.take(1, |_| None);
             server.take(0, |_| None);
         }
-        let halt = period(&mut server, 99, Mode::Running, Course::Moved).unwrap();
-        assert_eq!((halt.number, halt.request), (None, Request::Halt));
-        assert_eq!(period(&mut server, 100, Mode::Running, Course::Moved), None);
-        // Nobody is answered.
-        server.taken();
-        server.outcome(halt, Ok(()), 101);
-        assert_eq!(heard(&mut server), []);
-        // A move needs no sign of life, nor does a jog that has ended otherwise.
-        for (request, mode, course) in [
-            (Request::Move(Place(3)), Mode::Running, Course::Moved),
-            (JOG, Mode::Running, Course::Held(Place(3))),
-            (JOG, Mode::Ready, Course::Free),
-        ] {
-            let asked = ask(&mut server, 9, Ask::Request(request)).unwrap();
-            server.outcome(asked, Ok(()), 0);
-            for number in 0..300 {
-                assert_eq!(period(&mut server, number, mode, course), None);
-            }
-            send(&mut server, HELLO, &());
+        // Until it ends: a request may get lost.
+        for number in 99..110 {
+            let halt = jog(&mut server, number).unwrap();
+            assert_eq!((halt.number, halt.request), (None, Request::Halt));
+            // Nobody is answered.
+            server.taken();
+            server.outcome(halt, Ok(()));
+            assert_eq!(heard(&mut server), []);
         }
+        // A move needs no sign of life.
+        for number in 110..500 {
+            assert_eq!(
+                period(&mut server, number, Mode::Running, Course::Moved),
+                None
+            );
+        }
+        // Another host does not go on with a jog that is not its own.
+        ask(&mut server, 3, Ask::Heartbeat);
+        assert_eq!(jog(&mut server, 500), None);
+        assert_eq!(send(&mut server, HELLO, &()), Some(HALT));
     }
 
     #[test]
@@ -580,6 +580,7 @@ mod tests {
             mode: Mode::Running,
             fault_value: 5.0,
             run_switch: true,
+            remote: true,
             held: Some(Place(8)),
             current_limit: 1.85,
             vibration: 0.5,

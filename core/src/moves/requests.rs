@@ -55,6 +55,11 @@ impl Moves<'_> {
                 *asked = None;
                 return Ok(place);
             }
+            // A jog has none.
+            Some(Request::Step(_)) if memory.pace != 0 => {
+                let Answer { shift, .. } = self.halt(memory);
+                Ok(Answer { shift, done: false })
+            }
             Some(Request::Move(place)) => self.go(memory, place.counts_from(target)),
             Some(Request::Jog(velocity)) => self.jog(memory, velocity),
             Some(Request::Halt) => Ok(self.halt(memory)),

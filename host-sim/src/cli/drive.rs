@@ -20,7 +20,7 @@ use std::sync::atomic::Ordering;
 /// The port is a serial device (/dev/ttyACM0, COM3), opened with 1 Mbaud, 8N1, or HOST:PORT of a server that
 /// passes one on. Positions are in m, or in rad where the drive is rotary. For example, from a drive that has just
 /// been switched on: `host-sim drive --port /dev/ttyACM0 enable`, then `... move 0.03`, then `... disable`. From the
-/// first such command on until its reset the drive heeds the link and of its switches the run switch alone.
+/// first such command on, `status` too, until its reset the drive heeds the link and of its switches the run switch alone.
 #[derive(Debug, Args)]
 pub(super) struct DriveCommand {
     #[command(subcommand)]

@@ -133,8 +133,12 @@ impl Connection {
         Err(Error::Link(if busy == 0 {
             format!("the drive on {name} takes no more requests")
         } else {
-            let asked = tries as u128 * patience.as_millis();
-            format!("the drive on {name} has not answered for {asked} ms")
+            let waited = tries as u128 * patience.as_millis();
+            let request = match ask {
+                Ask::Request(_) => ": what was asked may have been done, and may yet be",
+                _ => "",
+            };
+            format!("the drive on {name} has not answered for {waited} ms{request}")
         }))
     }
 

@@ -69,6 +69,7 @@ impl Connection {
     /// disabled; [`Error::Link`].
     pub fn enable(&mut self, go_on: &GoOn<'_>) -> Result<bool> {
         let before = self.status()?;
+        require_go_on(go_on)?;
         match before.mode {
             Mode::Running => return Ok(false),
             Mode::Ready => {}
@@ -82,7 +83,7 @@ impl Connection {
                     Mode::Commissioning => Ok(false),
                     mode => Err(left("proving its signs", mode)),
                 })?;
-                if ready.is_none() {
+                if ready.is_none() || !go_on() {
                     self.request(Request::Stop)?;
                     return Err(interrupted("the drive is disabled"));
                 }
@@ -115,6 +116,7 @@ impl Connection {
     /// for an interruption, after which the machine is halted; [`Error::Link`].
     pub fn go(&mut self, request: Request, go_on: &GoOn<'_>) -> Result<Arrival> {
         let before = self.status()?;
+        require_go_on(go_on)?;
         self.request(request)?;
         let arrival = self.follow(&before, go_on, |drive, status| {
             running(status)?;
@@ -169,6 +171,7 @@ impl Connection {
     ) -> Result<(bool, Arrival)> {
         require_possible("velocity", velocity)?;
         let before = self.status()?;
+        require_go_on(go_on)?;
         self.request(Request::Jog(Velocity(velocity as f32)))?;
         loop {
             let status = self.status_in_jog()?;
@@ -261,6 +264,14 @@ fn left(what: &str, mode: Mode) -> Error {
         "the drive stopped {what} before it was done, without a fault, and is {}: was its run switch opened?",
         mode_name(mode)
     ))
+}
+
+/// Refuses to begin what has been interrupted already.
+fn require_go_on(go_on: &GoOn<'_>) -> Result<()> {
+    if go_on() {
+        return Ok(());
+    }
+    Err(interrupted("nothing was asked of the drive"))
 }
 
 fn interrupted(state: &str) -> Error {

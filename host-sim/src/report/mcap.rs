@@ -67,7 +67,9 @@ impl<W: Write + Seek> Recording<W> {
     /// # Errors
     /// When it cannot be written.
     pub fn add(&mut self, record: &Record) -> io::Result<()> {
-        self.periods += u64::from(record.period.wrapping_sub(self.last));
+        // One that comes from before has been reset: its time goes on.
+        let passed = record.period.wrapping_sub(self.last);
+        self.periods += u64::from(if passed > u32::MAX / 2 { 1 } else { passed });
         self.last = record.period;
         let time = (self.periods as f64 * self.period).round() as u64;
         let header = MessageHeader {

@@ -283,10 +283,11 @@ impl Board {
         self.recorder
             .step(record.period, count, self.applied, course);
         if let Some((asked, taken)) = outcome {
-            self.server.outcome(asked, taken, record.period);
+            self.server.outcome(asked, taken);
         }
         let seen = Seen {
             course,
+            jogs: self.controller.jogs(),
             run_switch: true,
             vibration: 0.0,
         };

@@ -10,14 +10,15 @@
 use super::safe_stop;
 use arso_core::link::server::WAITING;
 use arso_firmware::board;
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::sync::atomic::{AtomicU8, Ordering, compiler_fence};
 use embedded_dma::{ReadBuffer, WriteBuffer};
+use stm32f4xx_hal::ClearFlags;
 use stm32f4xx_hal::dma::config::DmaConfig;
 use stm32f4xx_hal::dma::traits::Stream;
 use stm32f4xx_hal::dma::{
     MemoryToPeripheral, PeripheralToMemory, Stream2, Stream7, StreamsTuple, Transfer,
 };
-use stm32f4xx_hal::gpio::gpioa;
+use stm32f4xx_hal::gpio::{Pull, gpioa};
 use stm32f4xx_hal::pac::{DMA2, USART1};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
@@ -76,6 +77,8 @@ impl SerialLine {
         rx: gpioa::PA10,
         rcc: &mut Rcc,
     ) -> Self {
+        // An unplugged line is idle, not noise.
+        let rx = rx.into_alternate::<7>().internal_resistor(Pull::Up);
         let config = Config::default()
             .baudrate(BAUD.bps())
             .dma(config::DmaConfig::TxRx);
@@ -106,6 +109,8 @@ impl board::Serial for SerialLine {
         // The stream counts down what is left until it begins again.
         let left = usize::from(self.receive.number_of_transfers());
         let written = RING.saturating_sub(left) % RING;
+        // What is read below was written before.
+        compiler_fence(Ordering::Acquire);
         if self.next == written {
             return None;
         }
@@ -124,6 +129,8 @@ impl board::Serial for SerialLine {
             place.store(*byte, Ordering::Relaxed);
         }
         let length = bytes.len().min(WAITING);
+        // With a flag of the last transfer standing the stream does not start (RM0090, 10.3.17).
+        self.transmit.clear_all_flags();
         self.transmit.next_transfer(Outgoing(&SENT, length)).is_ok()
     }
 }

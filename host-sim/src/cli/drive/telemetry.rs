@@ -110,7 +110,9 @@ impl TelemetryCommand {
             };
             silent = 0.0;
             let periods = so_far.map_or(0, |(periods, last)| {
-                let gap = u64::from(record.period.wrapping_sub(last));
+                let gap = record.period.wrapping_sub(last);
+                // One that comes from before has been reset: its time goes on.
+                let gap = u64::from(if gap > u32::MAX / 2 { 1 } else { gap });
                 missed += (gap / u64::from(self.every)).saturating_sub(1);
                 periods + gap
             });

@@ -5,8 +5,7 @@
 //! the peripheral and the processor's loop the one in memory. A transfer takes no time and steals none
 //! from the processor.
 //!
-//! On the real part a stream does not start again before the flags of its last transfer are cleared;
-//! here it does. There the controller also reads flash; here memory is SRAM.
+//! There the controller also reads flash; here memory is SRAM.
 
 use super::{Peripheral, Unknown};
 use crate::virtual_board::image::{RAM, RAM_SIZE};
@@ -203,6 +202,9 @@ impl Peripheral for Dma {
         let enabled = stream.enabled();
         match register {
             0x00 => {
+                // With a flag of its last transfer standing a stream does not start [10.3.17].
+                let stands = !enabled && self.flags[number] != 0;
+                let value = if stands { value & !EN } else { value };
                 // A stream that is stopped says that it has.
                 if stream.control(number, value)? {
                     self.flags[number] |= TCIF;
