@@ -175,7 +175,7 @@ fn a_machine_is_commanded_over_it() {
     let mut host = Host::new();
     let nothing = host.status();
     assert_eq!((nothing.mode, nothing.run_switch), (Mode::Idle, false));
-    assert!(!nothing.remote && nothing.damaged == 0 && nothing.lost == 0);
+    assert!(nothing.remote && nothing.damaged == 0 && nothing.lost == 0);
     // The run switch is open: nothing moves, whoever asks.
     assert_eq!(host.request(Request::Commission), Err(Reason::RunSwitch));
     // From now on the link commands alone: closing it asks for nothing.
