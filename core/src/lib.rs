@@ -18,7 +18,8 @@
 //! | [`friction`], [`standstill`] | friction feed-forward; the rule for rest | |
 //! | [`limits`] | limiting of the command | |
 //! | [`controller`] | the corridor: [`Controller::step`] | |
-//! | [`mode`], [`link`] | what the drive does; what is asked of it, and its answers | |
+//! | [`mode`], [`request`] | what the drive does; what is asked of it, and its answers | |
+//! | [`link`] | the same on a wire | |
 //! | [`fault`], [`protection`] | the faults, and what watches for them | |
 //! | `direction_check` | a small motion that proves the signs | |
 //! | [`excitation`] | a current played in open loop, for identification | |
@@ -77,6 +78,7 @@ pub mod protection;
 pub mod reaction_force;
 pub mod record;
 pub mod regulator;
+pub mod request;
 mod rest;
 pub mod settings;
 pub mod standstill;
@@ -90,8 +92,8 @@ pub use controller::{Command, Controller, Measurement};
 pub use excitation::Excitation;
 pub use fault::Fault;
 pub use indicator::Vibration;
-pub use link::{Refusal, Request};
 pub use mode::Mode;
+pub use request::{Refusal, Request};
 pub use settings::Settings;
 pub use telemetry::{Identity, Telemetry};
 pub use units::{Counts, Current, Force, Place, Position, Velocity};

@@ -8,9 +8,9 @@ use crate::identity;
 use crate::log::Log;
 use crate::settings::{EXCITATION, GAINS, LOADS, Observer, PERIOD_US, PLANS};
 use crate::switches::Switches;
-use arso_core::link::Reason;
 use arso_core::link::server::{Numbered, Seen, Server};
 use arso_core::record::{self, Course, Recorder, Scale};
+use arso_core::request::Reason;
 use arso_core::{
     Controller, Counts, Current, Fault, Measurement, Refusal, Request, SettingsError, Telemetry,
 };

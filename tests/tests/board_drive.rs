@@ -2,7 +2,7 @@
 //! port, `host-sim`'s end of the link on the other side.
 #![cfg(feature = "virtual-board")]
 
-use arso_core::link::{Reason, Request};
+use arso_core::request::{Reason, Request};
 use arso_core::{Mode, Place};
 use arso_tests::learning::{error_of_the_whole, learned};
 use host_sim::drive::{Drive, PlantFile};

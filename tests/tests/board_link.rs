@@ -5,7 +5,7 @@ use arso_core::link::frame::{LONGEST, Receiver, frame};
 use arso_core::link::message::{
     Answer, Answered, Ask, Asked, HELLO, Introduction, Status, TAG, VERSION, WORDS,
 };
-use arso_core::link::{Reason, Request};
+use arso_core::request::{Reason, Request};
 use arso_core::{Mode, Place, Velocity};
 use arso_tests::virtual_board::Rig;
 use arso_tests::virtual_board::image::{Image, RAM, RAM_SIZE};

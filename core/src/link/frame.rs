@@ -108,9 +108,9 @@ mod tests {
     extern crate std;
 
     use super::super::message::{Answer, Answered, Ask, Asked, HELLO, TAG, WORDS};
-    use super::super::{Reason, Refusal, Request};
     use super::*;
     use crate::mode::Mode;
+    use crate::request::{Reason, Refusal, Request};
     use crate::telemetry::Telemetry;
     use crate::units::{Place, Velocity};
     use proptest::prelude::*;

@@ -12,9 +12,9 @@
 //! not read, whatever they say, but for tag [`HELLO`], whose two messages stay as they are for ever: an empty
 //! one asks, and an [`Introduction`] answers. So a host of any age can say in words why it is not understood.
 
-use super::{Refusal, Request};
 use crate::fault::Fault;
 use crate::mode::Mode;
+use crate::request::{Refusal, Request};
 use crate::telemetry::Telemetry;
 use crate::units::Place;
 use heapless::{String, Vec};

@@ -17,10 +17,10 @@ use super::frame::{LONGEST, Receiver, frame};
 use super::message::{
     Answer, Answered, Ask, Asked, FAULTS, HELLO, Introduction, PastFault, Status, TAG, WORDS,
 };
-use super::{Refusal, Request};
 use crate::fault::Fault;
 use crate::mode::Mode;
 use crate::record::Course;
+use crate::request::{Refusal, Request};
 use crate::telemetry::Telemetry;
 use crate::units::Current;
 use heapless::{Deque, Vec};
@@ -321,8 +321,8 @@ mod tests {
     extern crate std;
 
     use super::*;
-    use crate::link::Reason;
     use crate::link::message::VERSION;
+    use crate::request::Reason;
     use crate::units::{Place, Velocity};
     use std::vec::Vec as List;
 

@@ -2,7 +2,7 @@
 
 use super::{Memory, Moves, PARTS, SEGMENTS, Segment, What};
 use crate::limits::clamped;
-use crate::link::Request;
+use crate::request::Request;
 use crate::units::{Place, Travel, Velocity};
 
 /// What became of a request.

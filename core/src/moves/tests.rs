@@ -3,8 +3,8 @@
 extern crate std;
 
 use super::*;
-use crate::link::Request;
 use crate::moves::plans::row_words;
+use crate::request::Request;
 use crate::units::{Place, Travel, Velocity};
 use proptest::prelude::*;
 use std::vec::Vec;

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::link::{Connection, Port};
 use crate::output::print;
 use crate::report::link as report;
-use arso_core::link::Request;
+use arso_core::request::Request;
 use clap::{Args, Subcommand};
 use std::sync::atomic::Ordering;
 

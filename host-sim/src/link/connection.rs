@@ -6,10 +6,10 @@ use crate::capture::Origin;
 use crate::error::{Error, Result};
 use crate::simulate::corridor::Record;
 use arso_core::Identity;
-use arso_core::link::Request;
 use arso_core::link::message::{
     Answer, Ask, Asked, HELLO, Introduction, PastFault, Status, TAG, VERSION,
 };
+use arso_core::request::Request;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant, SystemTime};
 

@@ -4,8 +4,8 @@ use super::Connection;
 use crate::capture::short;
 use crate::error::{Error, Result};
 use crate::output::significant;
-use arso_core::link::Request;
 use arso_core::link::message::Status;
+use arso_core::request::Request;
 use arso_core::{Fault, Mode, Place, Velocity};
 use std::time::Duration;
 

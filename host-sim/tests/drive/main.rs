@@ -5,8 +5,8 @@
 mod common;
 mod simulated;
 
-use arso_core::link::Request;
 use arso_core::link::message::{Introduction, TAG};
+use arso_core::request::Request;
 use arso_core::{Fault, Mode, Place};
 use common::{host_sim, ran};
 use host_sim::drive::Drive;

@@ -4,7 +4,7 @@ use super::{Ends, go_on};
 use crate::error::{Error, Result};
 use crate::link::require_possible;
 use arso_core::Place;
-use arso_core::link::Request;
+use arso_core::request::Request;
 use clap::Args;
 
 /// Longest jog, s.

@@ -5,7 +5,7 @@ use super::model::Model;
 use super::{Files, go_on};
 use crate::error::{Error, Result};
 use crate::link::Connection;
-use arso_core::link::Request;
+use arso_core::request::Request;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use std::io;

@@ -1,0 +1,267 @@
+//! What is asked of the drive, and what it answers. Plain data without a transport; [`link`](crate::link) puts it on a
+//! wire.
+
+use crate::mode::Mode;
+use crate::units::{Place, Velocity};
+use core::fmt;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// What can be asked of the drive. What is taken takes effect with the next period.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
+pub enum Request {
+    /// Prove the signs of encoder and current by a small motion; idle or ready drives only.
+    Commission,
+    /// Play the excitation that the drive has; idle or ready drives only.
+    Excite,
+    /// Close the loop where the actuator stands; ready drives only.
+    Start,
+    /// Open the loop, end whatever is going on, acknowledge a fault; always taken.
+    Stop,
+    /// The actuator stands there: from now on zero is known, and with it the travel; idle or ready drives
+    /// only.
+    SetPosition(Place),
+    /// Put the reference there at once; running drives only.
+    Step(Place),
+    /// Move there by a plan, on top of what is under way; running drives only.
+    Move(Place),
+    /// Move so many counts on from the target, of the move that waits or of the one that is under way; running
+    /// drives only.
+    MoveBy(i64),
+    /// Move at that velocity until something else is asked; running drives only.
+    Jog(Velocity),
+    /// Come to rest by a plan and stay there; running drives only.
+    Halt,
+}
+
+/// Why a request was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Refusal {
+    /// What was asked.
+    pub request: Request,
+    /// What the drive is doing.
+    pub mode: Mode,
+    /// What stands in the way.
+    pub reason: Reason,
+}
+
+/// What stands in the way of a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// It is taken in other modes only.
+    Mode,
+    /// The drive has nothing to play.
+    NoExcitation,
+    /// The target is outside the travel.
+    Travel,
+    /// The run switch is open.
+    RunSwitch,
+    /// No move leads there: a value that is no number, or more of it than can be counted in periods.
+    Unreachable,
+}
+
+impl Mode {
+    /// The mode in which a request leaves the drive.
+    ///
+    /// # Errors
+    /// The refusal, where this mode does not allow it.
+    pub const fn next(self, request: Request) -> Result<Self, Refusal> {
+        match (self, request) {
+            (Self::Idle | Self::Ready, Request::Commission) => Ok(Self::Commissioning),
+            (Self::Idle | Self::Ready, Request::Excite) => Ok(Self::Exciting),
+            (Self::Idle | Self::Ready, Request::SetPosition(_)) => Ok(self),
+            (Self::Ready, Request::Start)
+            | (
+                Self::Running,
+                Request::Step(_)
+                | Request::Move(_)
+                | Request::MoveBy(_)
+                | Request::Jog(_)
+                | Request::Halt,
+            ) => Ok(Self::Running),
+            (Self::Running | Self::Ready, Request::Stop) => Ok(Self::Ready),
+            // Whatever else is going on.
+            (_, Request::Stop) => Ok(Self::Idle),
+            (mode, request) => Err(Refusal {
+                request,
+                mode,
+                reason: Reason::Mode,
+            }),
+        }
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (request, wanted) = match self.request {
+            Request::Commission => ("commission", "an idle or ready"),
+            Request::Excite => ("excite", "an idle or ready"),
+            Request::Start => ("start", "a ready"),
+            Request::Stop => ("stop", "any"),
+            Request::SetPosition(_) => ("set position", "an idle or ready"),
+            Request::Step(_) => ("step", "a running"),
+            Request::Move(_) | Request::MoveBy(_) => ("move", "a running"),
+            Request::Jog(_) => ("jog", "a running"),
+            Request::Halt => ("halt", "a running"),
+        };
+        match self.reason {
+            Reason::Mode => write!(f, "{request} is for {wanted} drive, and this one is "),
+            Reason::Travel => write!(
+                f,
+                "{request}: the target is outside the travel, the drive is "
+            ),
+            Reason::RunSwitch => write!(f, "{request}: the run switch is open, the drive is "),
+            Reason::Unreachable => write!(f, "{request}: no move leads there, the drive is "),
+            Reason::NoExcitation => write!(f, "{request}: there is nothing to play, the drive is "),
+        }?;
+        match self.mode {
+            Mode::Idle => f.write_str("idle"),
+            Mode::Commissioning => f.write_str("commissioning"),
+            Mode::Exciting => f.write_str("exciting"),
+            Mode::Ready => f.write_str("ready"),
+            Mode::Running => f.write_str("running"),
+            Mode::Stopping(fault) | Mode::Fault(fault) => {
+                write!(f, "stopped by fault {} ({})", fault.number(), fault.name())
+            }
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::fault::Fault;
+    use std::string::ToString;
+    use std::vec;
+
+    const MODES: [Mode; 7] = [
+        Mode::Idle,
+        Mode::Commissioning,
+        Mode::Exciting,
+        Mode::Ready,
+        Mode::Running,
+        Mode::Stopping(Fault::Thermal),
+        Mode::Fault(Fault::Travel),
+    ];
+
+    /// What each mode makes of each request; nothing is refused.
+    #[test]
+    fn the_whole_table() {
+        use Mode::{Commissioning, Exciting, Idle, Ready, Running};
+        let step = Request::Step(Place(10_000));
+        let taken = [
+            (
+                Request::Commission,
+                vec![(Mode::Idle, Commissioning), (Ready, Commissioning)],
+            ),
+            (
+                Request::Excite,
+                vec![(Mode::Idle, Exciting), (Ready, Exciting)],
+            ),
+            (
+                Request::SetPosition(Place(5)),
+                vec![(Idle, Idle), (Ready, Ready)],
+            ),
+            (Request::Start, vec![(Ready, Running)]),
+            (
+                Request::Stop,
+                vec![
+                    (Idle, Idle),
+                    (Commissioning, Idle),
+                    (Exciting, Idle),
+                    (Ready, Ready),
+                    (Running, Ready),
+                    (Mode::Stopping(Fault::Thermal), Idle),
+                    (Mode::Fault(Fault::Travel), Idle),
+                ],
+            ),
+            (step, vec![(Running, Running)]),
+            (Request::Move(Place(10_000)), vec![(Running, Running)]),
+            (Request::MoveBy(-10_000), vec![(Running, Running)]),
+            (Request::Jog(Velocity(0.1)), vec![(Running, Running)]),
+            (Request::Halt, vec![(Running, Running)]),
+        ];
+        for (request, row) in taken {
+            for mode in MODES {
+                let expected = row
+                    .iter()
+                    .find(|(from, _)| *from == mode)
+                    .map(|(_, to)| *to);
+                let refusal = Refusal {
+                    request,
+                    mode,
+                    reason: Reason::Mode,
+                };
+                assert_eq!(
+                    mode.next(request),
+                    expected.ok_or(refusal),
+                    "{mode:?} {request:?}"
+                );
+            }
+        }
+    }
+
+    /// The loop is closed only after the signs have been proven: no way leads from idle or a fault to
+    /// running but through commissioning.
+    #[test]
+    fn no_loop_is_closed_with_unproven_signs() {
+        let requests = [
+            Request::Excite,
+            Request::SetPosition(Place(0)),
+            Request::Start,
+            Request::Stop,
+            Request::Step(Place(0)),
+            Request::Move(Place(0)),
+            Request::MoveBy(1),
+            Request::Jog(Velocity(0.1)),
+            Request::Halt,
+        ];
+        let mut reached = std::vec![Mode::Idle, Mode::Fault(Fault::NoMotion)];
+        for _ in 0..MODES.len() {
+            for mode in reached.clone() {
+                let next = requests
+                    .iter()
+                    .filter_map(|request| mode.next(*request).ok());
+                for mode in next.chain([mode.completed()]) {
+                    if !reached.contains(&mode) {
+                        reached.push(mode);
+                    }
+                }
+            }
+        }
+        assert!(!reached.contains(&Mode::Running) && !reached.contains(&Mode::Ready));
+    }
+
+    #[test]
+    fn a_refusal_names_the_mode() {
+        let refused = |mode: Mode, request| mode.next(request).unwrap_err().to_string();
+        assert_eq!(
+            refused(Mode::Idle, Request::Start),
+            "start is for a ready drive, and this one is idle"
+        );
+        assert_eq!(
+            refused(Mode::Fault(Fault::Travel), Request::Step(Place(0))),
+            "step is for a running drive, and this one is stopped by fault 8 (Travel)"
+        );
+    }
+
+    /// Requests and refusals are messages.
+    #[test]
+    fn they_survive_a_wire() {
+        let refusal = Mode::Fault(Fault::Direction)
+            .next(Request::Move(Place(30_000)))
+            .unwrap_err();
+        let mut buffer = [0; 32];
+        let bytes = postcard::to_slice(&refusal, &mut buffer).unwrap();
+        assert_eq!(postcard::from_bytes(bytes), Ok(refusal));
+    }
+}
