@@ -43,8 +43,8 @@ const NOISE_DEVIATION: f64 = 5.0;
 const BEGINNING: (f64, f64) = (8.0, 3000.0);
 /// Starts that are fitted more closely before they are ranked.
 const PROMISING: usize = 5;
-/// Starts that are followed to the end, as many as end within a factor of the best: of few loads, and of many.
-const FOLLOWED: [(usize, f64); 2] = [(3, 4.0), (8, 16.0)];
+/// Starts that are followed to the end, as many as end within a factor of the best.
+const FOLLOWED: (usize, f64) = (3, 4.0);
 /// Coordinates nearer than this are the same place.
 pub(super) const SAME: f64 = 0.02;
 /// Tolerances of the fits: that tell starts apart, that rank them, to the whole record.
@@ -248,11 +248,10 @@ pub(super) fn search(
     fits.extend(promising(&HELD_ALONE));
     progress(1, 4, "whole record");
     let followed = ranked(fits, quantities);
-    let (most, factor) = FOLLOWED[usize::from(!few)];
     let fits: Vec<Fit> = followed
         .par_iter()
-        .take(most)
-        .filter(|start| start.cost <= factor * followed[0].cost)
+        .take(FOLLOWED.0)
+        .filter(|start| start.cost <= FOLLOWED.1 * followed[0].cost)
         .map(|start| closely(logs, residuals, &start.coordinates))
         .collect();
     let ends = ranked(fits, quantities);
