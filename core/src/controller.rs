@@ -201,10 +201,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
                 if self.encoder.is_set() && travel.is_some_and(|travel| !travel.contains(target)) {
                     return refused(Reason::Travel);
                 }
-                let from = match &running.memory {
-                    Some(memory) => memory.target,
-                    None => self.encoder.place(),
-                };
+                let from = running.target(self.encoder.place());
                 if !self.parts.moves.lead(from, target) {
                     return refused(Reason::Unreachable);
                 }
@@ -223,10 +220,9 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         else {
             return request;
         };
-        let target = match (running.asked, &running.memory) {
-            (Some(Request::Move(place) | Request::Step(place)), _) => place,
-            (_, Some(memory)) => memory.target,
-            (_, None) => self.encoder.place(),
+        let target = match running.asked {
+            Some(Request::Move(place) | Request::Step(place)) => place,
+            _ => running.target(self.encoder.place()),
         };
         Request::Move(Place(target.0.saturating_add(counts)))
     }
@@ -271,8 +267,8 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         let Activity::Running(running) = &self.activity else {
             return false;
         };
-        let moves = running.memory.as_ref().map(|memory| &memory.moves);
-        let under_way = running.asked.is_none() && moves.is_some_and(moves::Memory::jogs);
+        let memory = running.memory.as_ref();
+        let under_way = memory.is_some_and(|memory| memory.moves.jogs());
         let waits = matches!(running.asked, Some(Request::Jog(_)));
         running.stopping.is_none() && (under_way || waits)
     }

@@ -53,6 +53,15 @@ impl Mode {
         matches!(self, Self::Running | Self::Stopping(_))
     }
 
+    /// The fault that it is about.
+    #[must_use]
+    pub const fn fault(self) -> Option<Fault> {
+        match self {
+            Self::Stopping(fault) | Self::Fault(fault) => Some(fault),
+            _ => None,
+        }
+    }
+
     /// The mode that follows when this one has done what it is there for.
     #[must_use]
     pub(crate) const fn completed(self) -> Self {

@@ -2,12 +2,10 @@
 
 use crate::settings::{GAINS, KIND, LOADS, PLANS};
 use arso_core::Identity;
+use arso_core::link::frame::CHECKSUM;
 use arso_core::link::message::{Introduction, TAG, VERSION};
-use crc::{CRC_32_ISO_HDLC, Crc, Digest};
+use crc::Digest;
 use postcard::ser_flavors::Flavor;
-
-/// Checksum of what is said in serialised form.
-pub(crate) static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Which drive this is.
 pub(crate) fn identity() -> Identity<'static> {

@@ -5,8 +5,8 @@
 //! `host-sim capture` reads with the very types that wrote them. The identity is repeated with each summary,
 //! for who listens late.
 
-use crate::identity::CHECKSUM;
 use crate::settings::{GAINS, LOADS};
+use arso_core::link::frame::CHECKSUM;
 use arso_core::{Identity, Mode, Refusal, Telemetry, Vibration};
 
 /// Follows the records and logs them.

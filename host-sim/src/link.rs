@@ -17,6 +17,6 @@ mod line;
 mod motion;
 mod port;
 
-pub use connection::Connection;
+pub use connection::{Connection, passed};
 pub use motion::{Arrival, GoOn, LARGEST, fault_words, mode_name, require_possible};
 pub use port::{BAUD, Port};

@@ -141,6 +141,13 @@ impl<const N: usize, O: StateObserver<N>> Running<N, O> {
             stopping: None,
         }
     }
+
+    /// Where it is to be, or what it will begin with.
+    ///
+    /// * `place`: where the actuator is
+    pub(super) fn target(&self, place: Place) -> Place {
+        self.memory.as_ref().map_or(place, |memory| memory.target)
+    }
 }
 
 /// How far the start has come.

@@ -12,8 +12,8 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Checksum of a frame.
-static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+/// Checksum of a frame, and of whatever else the drive says in serialised form.
+pub static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Bytes of a checksum.
 const CHECK: usize = 4;
 /// Longest frame, its zeros included; a record of six loads takes 120 bytes.

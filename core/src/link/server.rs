@@ -17,7 +17,6 @@ use super::frame::{LONGEST, Receiver, frame};
 use super::message::{
     Answer, Answered, Ask, Asked, FAULTS, HELLO, Introduction, PastFault, Status, TAG, WORDS,
 };
-use crate::fault::Fault;
 use crate::mode::Mode;
 use crate::record::Course;
 use crate::request::{Refusal, Request};
@@ -250,19 +249,12 @@ impl<const N: usize> Server<N> {
 
     /// A fault that is new is kept; the oldest makes room.
     fn remember(&mut self, before: Mode, record: &Telemetry<[f32; N]>) {
-        let fault_of = |mode: Mode| -> Option<Fault> {
-            match mode {
-                Mode::Stopping(fault) | Mode::Fault(fault) => Some(fault),
-                _ => None,
-            }
+        let Some(fault) = record.mode.fault() else {
+            return;
         };
-        let fault = fault_of(record.mode);
-        if fault == fault_of(before) {
+        if before.fault() == Some(fault) {
             return;
         }
-        let Some(fault) = fault else {
-            return;
-        };
         if self.faults.is_full() {
             self.faults.pop_front();
         }
@@ -321,6 +313,7 @@ mod tests {
     extern crate std;
 
     use super::*;
+    use crate::fault::Fault;
     use crate::link::message::VERSION;
     use crate::request::Reason;
     use crate::units::{Place, Velocity};

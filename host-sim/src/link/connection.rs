@@ -28,6 +28,14 @@ const BUSY: Duration = Duration::from_millis(5);
 /// Telemetry that waits to be taken, at most: 4 s at 1 kHz.
 const RECORDS: usize = 4096;
 
+/// Control periods from one record to a later one; none where the drive was reset between them, whose periods begin
+/// anew.
+#[must_use]
+pub fn passed(from: u32, to: u32) -> Option<u32> {
+    let periods = to.wrapping_sub(from);
+    (periods <= u32::MAX / 2).then_some(periods)
+}
+
 /// An answer; the number of loads is the drive's.
 type Said = Answer<Vec<f32>>;
 

@@ -249,13 +249,11 @@ fn running(status: &Status) -> Result<bool> {
 }
 
 fn require_no_fault(status: &Status) -> Result<()> {
-    match status.mode {
-        Mode::Stopping(fault) | Mode::Fault(fault) => {
-            let fault = fault_words(fault, status.fault_value);
-            Err(Error::Drive(format!("the drive stopped with {fault}")))
-        }
-        _ => Ok(()),
-    }
+    let Some(fault) = status.mode.fault() else {
+        return Ok(());
+    };
+    let fault = fault_words(fault, status.fault_value);
+    Err(Error::Drive(format!("the drive stopped with {fault}")))
 }
 
 /// A drive that no longer does what it was to go on with.

@@ -6,8 +6,8 @@ use crate::capture::{LastMoves, short};
 use crate::error::{Error, Result};
 use crate::link::{Connection, mode_name};
 use crate::output::significant;
+use arso_core::Fault;
 use arso_core::link::message::{PastFault, Status};
-use arso_core::{Fault, Mode};
 use comfy_table::Cell;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -22,10 +22,7 @@ pub fn status_json(drive: &Connection, status: &Status) -> Result<Value> {
     value["statusword"] = json!(status.statusword());
     value["mode_of_operation"] = json!(status.mode_of_operation());
     value["held_position"] = json!(status.held.map(|place| drive.position(place)));
-    value["fault"] = match status.mode {
-        Mode::Stopping(fault) | Mode::Fault(fault) => described(fault),
-        _ => Value::Null,
-    };
+    value["fault"] = status.mode.fault().map_or(Value::Null, described);
     value["drive"] = plain(drive.introduction())?;
     Ok(value)
 }
@@ -55,12 +52,9 @@ pub fn status(drive: &Connection, status: &Status) -> String {
     let units = origin.kind.units();
     let figures = |value: f32| significant(value.into(), 4);
     let yes = |yes: bool| String::from(if yes { "yes" } else { "no" });
-    let mode = match status.mode {
-        Mode::Stopping(fault) | Mode::Fault(fault) => {
-            format!("{} ({})", mode_name(status.mode), fault.name())
-        }
-        mode => mode_name(mode).into(),
-    };
+    let fault = status.mode.fault();
+    let named = fault.map_or(String::new(), |fault| format!(" ({})", fault.name()));
+    let mode = format!("{}{named}", mode_name(status.mode));
     let held = match status.held {
         None => "no".into(),
         Some(place) => format!("at {}", drive.shown(drive.position(place))),
@@ -115,7 +109,7 @@ pub fn status(drive: &Connection, status: &Status) -> String {
         significant(drive.resolution(), 4),
         units.position
     );
-    if let Mode::Stopping(fault) | Mode::Fault(fault) = status.mode {
+    if let Some(fault) = fault {
         let words = crate::link::fault_words(fault, status.fault_value);
         text += &format!("{words}\n");
     }

@@ -6,9 +6,9 @@
 
 use super::columns;
 use crate::capture::{Origin, short};
-use crate::link::mode_name;
+use crate::link::{mode_name, passed};
 use crate::simulate::corridor::Record;
-use arso_core::Mode;
+use arso_core::Fault;
 use arso_core::telemetry::Column;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, WriteOptions, Writer};
@@ -67,9 +67,8 @@ impl<W: Write + Seek> Recording<W> {
     /// # Errors
     /// When it cannot be written.
     pub fn add(&mut self, record: &Record) -> io::Result<()> {
-        // One that comes from before has been reset: its time goes on.
-        let passed = record.period.wrapping_sub(self.last);
-        self.periods += u64::from(if passed > u32::MAX / 2 { 1 } else { passed });
+        // The time of a drive that was reset goes on.
+        self.periods += u64::from(passed(self.last, record.period).unwrap_or(1));
         self.last = record.period;
         let time = (self.periods as f64 * self.period).round() as u64;
         let header = MessageHeader {
@@ -131,10 +130,7 @@ fn number(value: f64) -> Value {
 
 /// A record as JSON, SI units.
 fn message(record: &Record) -> Value {
-    let fault = match record.mode {
-        Mode::Stopping(fault) | Mode::Fault(fault) => fault.number(),
-        _ => 0,
-    };
+    let fault = record.mode.fault().map_or(0, Fault::number);
     let mut fields = Map::new();
     fields.insert("period".into(), json!(record.period));
     fields.insert("mode".into(), json!(mode_name(record.mode)));
@@ -190,7 +186,7 @@ fn schema(origin: &Origin, record: &Record) -> Value {
 mod tests {
     use super::*;
     use crate::machine::Kind;
-    use arso_core::{Fault, Telemetry};
+    use arso_core::{Mode, Telemetry};
     use mcap::{MessageStream, Summary};
     use std::io::Cursor;
 

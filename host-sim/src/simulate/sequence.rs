@@ -13,7 +13,7 @@ use super::{Ask, Control, ControlOutput, Core, FullState, Law, Run, Sample, clos
 use crate::design::Design;
 use crate::drive::{Drive, PlantFile};
 use crate::error::{Error, Result};
-use arso_core::{Mode, Place, Request};
+use arso_core::{Place, Request};
 use nalgebra::DVector;
 use std::collections::VecDeque;
 
@@ -286,8 +286,8 @@ impl Control for InOrder<'_> {
         }
         self.period += 1;
         let output = self.control.step(count, truth, applied)?;
-        let mode = output.record.as_ref().map(|record| record.mode);
-        self.stopped = matches!(mode, Some(Mode::Stopping(_) | Mode::Fault(_)));
+        let record = output.record.as_ref();
+        self.stopped = record.is_some_and(|record| record.mode.fault().is_some());
         Ok(output)
     }
 }

@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod simulated;
+mod watch;
 
 use arso_core::link::message::{Introduction, TAG};
 use arso_core::request::Request;

@@ -1,6 +1,5 @@
 //! Files that telemetry goes into, record by record.
 
-use super::telemetry::written;
 use crate::capture::Origin;
 use crate::error::{Error, Result};
 use crate::output::Unfinished;
@@ -8,25 +7,32 @@ use crate::report::log::Rows;
 use crate::report::mcap::Recording;
 use crate::simulate::corridor::Record;
 use std::fs::File;
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// A CSV file that grows row by row.
-pub(super) struct CsvFile {
+/// CSV that grows row by row.
+pub(super) struct CsvFile<W: Write> {
     path: PathBuf,
     /// Until the first record comes.
-    empty: Option<File>,
-    rows: Option<Rows<File>>,
+    empty: Option<W>,
+    rows: Option<Rows<W>>,
 }
 
-impl CsvFile {
+impl CsvFile<File> {
     pub(super) fn create(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(Error::write(path))?;
-        Ok(Self {
+        Ok(Self::new(file, path))
+    }
+}
+
+impl<W: Write> CsvFile<W> {
+    /// * `path`: as it is called when it cannot be written
+    pub(super) fn new(into: W, path: &Path) -> Self {
+        Self {
             path: path.to_owned(),
-            empty: Some(file),
+            empty: Some(into),
             rows: None,
-        })
+        }
     }
 
     /// * `time`: from the first record on, s
@@ -41,6 +47,14 @@ impl CsvFile {
         };
         let added = rows.add(record, time).map_err(written);
         added.and_then(|()| rows.flush()).map_err(failed)
+    }
+}
+
+/// Why a row could not be written.
+fn written(error: csv::Error) -> io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        other => io::Error::other(format!("{other:?}")),
     }
 }
 

@@ -1,10 +1,10 @@
 //! `host-sim drive telemetry`.
 
-use super::files::McapFile;
+use super::files::{CsvFile, McapFile};
 use super::motion::require_duration;
 use super::{Ends, go_on};
 use crate::error::{Error, Result};
-use crate::report::log::Rows;
+use crate::link::passed;
 use crate::simulate::corridor::Record;
 use clap::Args;
 use std::fs::File;
@@ -58,7 +58,11 @@ impl TelemetryCommand {
                 path,
             ),
         };
-        let mut into = Output::Nothing(into);
+        let mut into = if ends.json {
+            Output::Lines(into)
+        } else {
+            Output::Csv(Box::new(CsvFile::new(into, place)))
+        };
         let mcap = self.mcap.as_deref().map(McapFile::create);
         let mut mcap = mcap.transpose()?;
         ends.drive.subscribe(self.every)?;
@@ -66,11 +70,16 @@ impl TelemetryCommand {
             if let Some(mcap) = &mut mcap {
                 mcap.add(ends.drive.origin(), record)?;
             }
-            match into.add(ends, record, time) {
-                Ok(()) => Ok(true),
+            let added = match &mut into {
+                Output::Csv(csv) => csv.add(ends.drive.origin(), record, time),
+                Output::Lines(into) => line(into, record).map_err(Error::write(place)),
+            };
+            match added {
                 // Its reader has gone away.
-                Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
-                Err(error) => Err(Error::write(place)(error)),
+                Err(Error::Write { source, .. }) if source.kind() == ErrorKind::BrokenPipe => {
+                    Ok(false)
+                }
+                added => added.map(|()| true),
             }
         });
         // What was recorded is kept, whatever happened.
@@ -110,9 +119,8 @@ impl TelemetryCommand {
             };
             silent = 0.0;
             let periods = so_far.map_or(0, |(periods, last)| {
-                let gap = record.period.wrapping_sub(last);
-                // One that comes from before has been reset: its time goes on.
-                let gap = u64::from(if gap > u32::MAX / 2 { 1 } else { gap });
+                // The time of a drive that was reset goes on.
+                let gap = u64::from(passed(last, record.period).unwrap_or(1));
                 missed += (gap / u64::from(self.every)).saturating_sub(1);
                 periods + gap
             });
@@ -131,44 +139,13 @@ impl TelemetryCommand {
 
 /// Where records go.
 enum Output {
-    /// Nothing has been written yet.
-    Nothing(Box<dyn Write>),
-    Csv(Box<Rows<Box<dyn Write>>>),
+    Csv(Box<CsvFile<Box<dyn Write>>>),
+    /// A JSON object in each line.
     Lines(Box<dyn Write>),
-    /// Writing has failed.
-    Failed,
 }
 
-impl Output {
-    fn add(&mut self, ends: &Ends, record: &Record, time: f64) -> std::io::Result<()> {
-        let before = std::mem::replace(self, Self::Failed);
-        *self = match before {
-            Self::Nothing(into) if ends.json => Self::Lines(into),
-            Self::Nothing(into) => {
-                let rows = Rows::of(into, record, ends.drive.origin());
-                Self::Csv(Box::new(rows.map_err(written)?))
-            }
-            other => other,
-        };
-        match self {
-            Self::Csv(rows) => {
-                rows.add(record, time).map_err(written)?;
-                rows.flush()
-            }
-            Self::Lines(into) => {
-                let text = serde_json::to_string(record)?;
-                writeln!(into, "{text}")?;
-                into.flush()
-            }
-            Self::Nothing(_) | Self::Failed => Ok(()),
-        }
-    }
-}
-
-/// Why a row could not be written.
-pub(super) fn written(error: csv::Error) -> std::io::Error {
-    match error.into_kind() {
-        csv::ErrorKind::Io(error) => error,
-        other => std::io::Error::other(format!("{other:?}")),
-    }
+fn line(into: &mut impl Write, record: &Record) -> std::io::Result<()> {
+    let text = serde_json::to_string(record)?;
+    writeln!(into, "{text}")?;
+    into.flush()
 }

@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 use crate::simulate::corridor::Record;
 use clap::Args;
 use model::{Model, Subject};
+use std::fs::File;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use watching::watch;
@@ -22,7 +23,7 @@ use watching::watch;
 ///
 /// State, masses, current, curves of the last 10 s, faults; for example
 /// `host-sim drive --port /dev/ttyACM0 watch --mcap run.mcap`. Keys: q ends it and leaves the drive as it is, s brings
-/// the machine to rest, and takes the drive over from its switches. What it shows can be recorded meanwhile; MCAP is
+/// the machine to rest. What it shows can be recorded meanwhile; MCAP is
 /// what Foxglove and `PlotJuggler` open.
 #[derive(Debug, Args)]
 pub(super) struct WatchCommand {
@@ -85,7 +86,7 @@ impl WatchCommand {
 
 /// Where records go beside the terminal.
 struct Files {
-    csv: Option<CsvFile>,
+    csv: Option<CsvFile<File>>,
     mcap: Option<McapFile>,
 }
 

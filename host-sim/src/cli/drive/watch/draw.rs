@@ -4,7 +4,6 @@ use super::charts;
 use super::model::Model;
 use crate::link::fault_words;
 use crate::output::significant;
-use arso_core::Mode;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Style, Stylize};
@@ -84,10 +83,8 @@ fn header(model: &Model) -> Line<'static> {
 /// The fault that stops the drive.
 fn fault_in_words(model: &Model) -> Option<String> {
     let status = model.status?;
-    match status.mode {
-        Mode::Stopping(fault) | Mode::Fault(fault) => Some(fault_words(fault, status.fault_value)),
-        _ => None,
-    }
+    let fault = status.mode.fault()?;
+    Some(fault_words(fault, status.fault_value))
 }
 
 /// What the drive is doing, and how it fares.

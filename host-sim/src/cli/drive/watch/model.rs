@@ -1,10 +1,10 @@
 //! What `watch` shows: a plain picture of the drive, fed by records and statuses. Knows no line and no terminal.
 
 use crate::capture::Origin;
-use crate::link::mode_name;
+use crate::link::{mode_name, passed};
 use crate::simulate::corridor::Record;
 use arso_core::link::message::{PastFault, Status};
-use arso_core::{Mode, Place};
+use arso_core::Place;
 use std::collections::VecDeque;
 
 /// What the curves show, s.
@@ -113,17 +113,14 @@ impl Model {
     /// Takes a record. Its time from the first one on, s; nothing for one that comes twice.
     pub(super) fn take(&mut self, record: &Record) -> Option<f64> {
         if let Some(last) = &self.record {
-            let gap = record.period.wrapping_sub(last.period);
+            let every = u32::from(self.subject.every);
+            // The time of a drive that was reset goes on.
+            let gap = passed(last.period, record.period).unwrap_or(every);
             if gap == 0 {
                 return None;
             }
-            if gap > u32::MAX / 2 {
-                // The drive was reset: its periods begin anew.
-                self.time += f64::from(self.subject.every) * self.subject.origin.period;
-            } else {
-                self.missed += u64::from(gap / u32::from(self.subject.every)).saturating_sub(1);
-                self.time += f64::from(gap) * self.subject.origin.period;
-            }
+            self.missed += u64::from(gap / every).saturating_sub(1);
+            self.time += f64::from(gap) * self.subject.origin.period;
         }
         self.taken += 1;
         self.draw_on(record);
@@ -227,8 +224,8 @@ impl Model {
 
     /// Whether a fault stops or has stopped the drive.
     pub(super) fn faulty(&self) -> bool {
-        let fault = |status: Status| matches!(status.mode, Mode::Stopping(_) | Mode::Fault(_));
-        self.status.is_some_and(fault)
+        self.status
+            .is_some_and(|status| status.mode.fault().is_some())
     }
 
     /// How long ago a fault came, s.

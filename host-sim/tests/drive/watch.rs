@@ -1,15 +1,10 @@
 //! `host-sim drive watch` and `drive telemetry --mcap` as the user runs them, on a simulated drive.
 
-mod common;
-#[path = "drive/simulated.rs"]
-#[allow(dead_code, reason = "it serves the other commands of `drive`, too")]
-mod simulated;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
+use crate::simulated::Simulated;
 use host_sim::report::mcap::TOPIC;
 use mcap::{MessageStream, Summary};
 use serde_json::Value;
-use simulated::Simulated;
 use std::path::Path;
 
 /// Times, ns, and records of a file.
