@@ -65,7 +65,7 @@ struct Serial {
     /// Instead of an experiment run on in step with this machine's clock, the run switch closed and the
     /// target switches at 0, with the drive's serial port as a pseudo-terminal. The first line of the
     /// output names it. Ctrl-C or the end of standard input end it.
-    #[arg(long, conflicts_with_all = ["scenario", "periods", "excite", "csv", "json"])]
+    #[arg(long, conflicts_with_all = ["tcp", "scenario", "periods", "excite", "csv", "json"])]
     serial: bool,
     /// The same with the serial port as a TCP server, for one client at a time; port 0 takes a free one.
     #[arg(

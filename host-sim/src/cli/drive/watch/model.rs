@@ -3,8 +3,8 @@
 use crate::capture::Origin;
 use crate::link::{mode_name, passed};
 use crate::simulate::corridor::Record;
-use arso_core::link::message::{PastFault, Status};
 use arso_core::Place;
+use arso_core::link::message::{PastFault, Status};
 use std::collections::VecDeque;
 
 /// What the curves show, s.
