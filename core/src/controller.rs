@@ -9,6 +9,9 @@
 //! anywhere ends in a fault and zero current.
 
 mod activity;
+mod change;
+
+pub use change::Change;
 
 use crate::check::SettingsError;
 use crate::direction_check::{Action, DirectionCheck, PATIENCE};
@@ -106,51 +109,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
     /// # Errors
     /// When the settings cannot be run, see [`Settings::check`], or the plans cannot be played.
     pub fn new(settings: &Settings<N, O>, plans: Plans<'p>) -> Result<Self, SettingsError> {
-        settings.check()?;
-        plans.check(N)?;
-        let Settings {
-            sample_time,
-            encoder,
-            actuator,
-            disturbance_cutoff,
-            reaction_force_cutoff,
-            observer,
-            regulator,
-            limits,
-            total_mass,
-            friction,
-            standstill,
-            holding_force,
-            protection,
-            // The board's affair.
-            amplifier: _,
-        } = settings;
-        let force_constant = actuator.actual_force_constant();
-        let (g_dist, g_reac, period) = (*disturbance_cutoff, *reaction_force_cutoff, *sample_time);
-        let rest = Rest::new(encoder, actuator, limits, period);
-        let parts = Parts {
-            encoder: *encoder,
-            protection: Protection::new(
-                protection,
-                (actuator, encoder, limits),
-                (*total_mass, *holding_force),
-                (g_dist, period),
-            ),
-            disturbance: DisturbanceObserver::new(actuator, g_dist, period),
-            reaction_force: ReactionForceObserver::new(actuator, g_dist, g_reac, period),
-            observer: observer.clone(),
-            moves: Moves::new(plans, period, encoder.resolution),
-            friction: *friction,
-            standstill: *standstill,
-            regulator: *regulator,
-            limits: *limits,
-            direction_check: DirectionCheck::new(limits, actuator, rest, period),
-            rest,
-            sample_time: period,
-            current_per_force: 1.0 / force_constant,
-            holding_force: Force(*holding_force),
-            actuator: (actuator.actual_mass(), force_constant),
-        };
+        let parts = Parts::new(settings, plans)?;
         Ok(Self {
             copy: parts.clone(),
             parts,
@@ -208,6 +167,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
                 running.asked = Some(request);
             }
             (Request::SetPosition(place), ..) => self.encoder.set(place),
+            (Request::Change, ..) => return refused(Reason::NoSettings),
             (_, _, activity) => activity.enter(next, self.encoder.place()),
         }
         self.telemetry.fault_value = 0.0;
@@ -327,7 +287,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
                 parts.rest.may_start(rest, &reading);
                 Ok(Some(Command::default()))
             }
-            Activity::Idle | Activity::Fault(_) => Ok(Some(Command::default())),
+            Activity::Idle | Activity::Fault(_) | Activity::Storing => Ok(Some(Command::default())),
         });
         let command = match result {
             Ok(Some(command)) => command,
@@ -354,6 +314,58 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
 
 /// What a mode says for one period: a command, or nothing when it has done what it is there for.
 type Outcome = Result<Option<Command>, Trip>;
+
+impl<'p, const N: usize, O: StateObserver<N> + Clone> Parts<'p, N, O> {
+    /// # Errors
+    /// As [`Controller::new`].
+    fn new(settings: &Settings<N, O>, plans: Plans<'p>) -> Result<Self, SettingsError> {
+        settings.check()?;
+        plans.check(N)?;
+        let Settings {
+            sample_time,
+            encoder,
+            actuator,
+            disturbance_cutoff,
+            reaction_force_cutoff,
+            observer,
+            regulator,
+            limits,
+            total_mass,
+            friction,
+            standstill,
+            holding_force,
+            protection,
+            // The board's affair.
+            amplifier: _,
+        } = settings;
+        let force_constant = actuator.actual_force_constant();
+        let (g_dist, g_reac, period) = (*disturbance_cutoff, *reaction_force_cutoff, *sample_time);
+        let rest = Rest::new(encoder, actuator, limits, period);
+        Ok(Self {
+            encoder: *encoder,
+            protection: Protection::new(
+                protection,
+                (actuator, encoder, limits),
+                (*total_mass, *holding_force),
+                (g_dist, period),
+            ),
+            disturbance: DisturbanceObserver::new(actuator, g_dist, period),
+            reaction_force: ReactionForceObserver::new(actuator, g_dist, g_reac, period),
+            observer: observer.clone(),
+            moves: Moves::new(plans, period, encoder.resolution),
+            friction: *friction,
+            standstill: *standstill,
+            regulator: *regulator,
+            limits: *limits,
+            direction_check: DirectionCheck::new(limits, actuator, rest, period),
+            rest,
+            sample_time: period,
+            current_per_force: 1.0 / force_constant,
+            holding_force: Force(*holding_force),
+            actuator: (actuator.actual_mass(), force_constant),
+        })
+    }
+}
 
 impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
     /// Whether a part of this is as in its copy, another part in each period: a few words, so that the cost
@@ -404,6 +416,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
                 Force(self.friction.coulomb),
             ),
             fed: Fed::default(),
+            difference: Estimate::default(),
             expected: Expected::default(),
             limited: 0,
             protection: self.protection.begin(stiction, set.then_some(place)),
@@ -509,9 +522,9 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             reaction_force,
         };
         let difference = self.observer.step(&mut memory.observer, &seen);
+        memory.difference = difference;
         let velocity = Velocity(reference.displacement / self.sample_time);
-        let (mass, force_constant) = self.actuator;
-        let of_actuator = (mass, force_constant, self.sample_time);
+        let of_actuator = (self.actuator, self.sample_time);
         let expected = memory
             .expected
             .step(reference.displacement, fed.moves, of_actuator);
@@ -697,4 +710,4 @@ fn on_reference<const N: usize>(
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -5,6 +5,7 @@
 //! Idle, Ready --Excite--> Exciting --all played, Stop--> Idle
 //! any mode --fault--> Fault --Stop--> Idle
 //! Running --fault that leaves the loop trustworthy--> Stopping --at rest--> Fault
+//! Idle, Ready, Fault --Store--> Storing, which the processor's reset alone ends
 //! ```
 //!
 //! Current flows in `Commissioning`, `Exciting`, `Running` and `Stopping` alone. The loop is never closed before
@@ -35,6 +36,8 @@ pub enum Mode {
     Stopping(Fault),
     /// No current, until `Stop` acknowledges the fault.
     Fault(Fault),
+    /// No current, until the reset: settings are being written, and the processor may stand still meanwhile.
+    Storing,
 }
 
 impl Mode {

@@ -24,6 +24,9 @@ use serde::{Deserialize, Serialize};
 
 /// What the corridor asks of a state observer of `N` loads.
 pub trait StateObserver<const N: usize> {
+    /// Number by which coefficients in serialised form say of which variant they are.
+    const FORM: u8;
+
     /// What it keeps from one period to the next.
     type Memory: Clone + core::fmt::Debug;
 
@@ -78,6 +81,20 @@ pub struct Estimate<const N: usize> {
     pub disturbance: Force,
     /// Reaction force that the model did not expect, before it was corrected by it.
     pub innovation: Force,
+}
+
+/// At rest at the target.
+impl<const N: usize> Default for Estimate<N> {
+    fn default() -> Self {
+        Self {
+            position: Position(0.0),
+            velocity: Velocity(0.0),
+            deflection: [0.0; N],
+            load_velocity: [0.0; N],
+            disturbance: Force(0.0),
+            innovation: Force(0.0),
+        }
+    }
 }
 
 /// A linear observer of `S` states: one input, corrected by one output.

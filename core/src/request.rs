@@ -34,6 +34,10 @@ pub enum Request {
     Jog(Velocity),
     /// Come to rest by a plan and stay there; running drives only.
     Halt,
+    /// Keep the amplifier off until the reset, so that settings can be written; drives without current only.
+    Store,
+    /// Go on with the settings that were handed over; drives that hold their machine at a target only.
+    Change,
 }
 
 /// Why a request was not taken.
@@ -63,6 +67,14 @@ pub enum Reason {
     RunSwitch,
     /// No move leads there: a value that is no number, or more of it than can be counted in periods.
     Unreachable,
+    /// No settings were handed over.
+    NoSettings,
+    /// They change what a drive begins with: encoder, actuator, control period, force observers, plans.
+    Restart,
+    /// The machine is under way.
+    Moving,
+    /// The current would leap.
+    Leap,
 }
 
 impl Mode {
@@ -82,16 +94,20 @@ impl Mode {
                 | Request::Move(_)
                 | Request::MoveBy(_)
                 | Request::Jog(_)
-                | Request::Halt,
+                | Request::Halt
+                | Request::Change,
             ) => Ok(Self::Running),
+            (Self::Idle | Self::Ready | Self::Fault(_), Request::Store) => Ok(Self::Storing),
             (Self::Running | Self::Ready, Request::Stop) => Ok(Self::Ready),
-            // Whatever else is going on.
-            (_, Request::Stop) => Ok(Self::Idle),
-            (mode, request) => Err(Refusal {
-                request,
-                mode,
-                reason: Reason::Mode,
-            }),
+            // Whatever else is going on, but for what the reset alone ends.
+            (mode, request) => match request {
+                Request::Stop if !matches!(mode, Self::Storing) => Ok(Self::Idle),
+                _ => Err(Refusal {
+                    request,
+                    mode,
+                    reason: Reason::Mode,
+                }),
+            },
         }
     }
 }
@@ -108,6 +124,8 @@ impl fmt::Display for Refusal {
             Request::Move(_) | Request::MoveBy(_) => ("move", "a running"),
             Request::Jog(_) => ("jog", "a running"),
             Request::Halt => ("halt", "a running"),
+            Request::Store => ("store", "an idle, ready or faulted"),
+            Request::Change => ("change settings", "a running"),
         };
         match self.reason {
             Reason::Mode => write!(f, "{request} is for {wanted} drive, and this one is "),
@@ -118,6 +136,14 @@ impl fmt::Display for Refusal {
             Reason::RunSwitch => write!(f, "{request}: the run switch is open, the drive is "),
             Reason::Unreachable => write!(f, "{request}: no move leads there, the drive is "),
             Reason::NoExcitation => write!(f, "{request}: there is nothing to play, the drive is "),
+            Reason::NoSettings => write!(f, "{request}: none were handed over, the drive is "),
+            Reason::Restart => write!(
+                f,
+                "{request}: what encoder, actuator, amplifier, control period, force observers or plans are is \
+                 changed with the amplifier off only, the drive is "
+            ),
+            Reason::Moving => write!(f, "{request}: the machine is under way, the drive is "),
+            Reason::Leap => write!(f, "{request}: the current would leap, the drive is "),
         }?;
         match self.mode {
             Mode::Idle => f.write_str("idle"),
@@ -125,6 +151,7 @@ impl fmt::Display for Refusal {
             Mode::Exciting => f.write_str("exciting"),
             Mode::Ready => f.write_str("ready"),
             Mode::Running => f.write_str("running"),
+            Mode::Storing => f.write_str("storing settings"),
             Mode::Stopping(fault) | Mode::Fault(fault) => {
                 write!(f, "stopped by fault {} ({})", fault.number(), fault.name())
             }
@@ -143,7 +170,7 @@ mod tests {
     use std::string::ToString;
     use std::vec;
 
-    const MODES: [Mode; 7] = [
+    const MODES: [Mode; 8] = [
         Mode::Idle,
         Mode::Commissioning,
         Mode::Exciting,
@@ -151,6 +178,7 @@ mod tests {
         Mode::Running,
         Mode::Stopping(Fault::Thermal),
         Mode::Fault(Fault::Travel),
+        Mode::Storing,
     ];
 
     /// What each mode makes of each request; nothing is refused.
@@ -189,6 +217,15 @@ mod tests {
             (Request::MoveBy(-10_000), vec![(Running, Running)]),
             (Request::Jog(Velocity(0.1)), vec![(Running, Running)]),
             (Request::Halt, vec![(Running, Running)]),
+            (Request::Change, vec![(Running, Running)]),
+            (
+                Request::Store,
+                vec![
+                    (Idle, Mode::Storing),
+                    (Ready, Mode::Storing),
+                    (Mode::Fault(Fault::Travel), Mode::Storing),
+                ],
+            ),
         ];
         for (request, row) in taken {
             for mode in MODES {
@@ -224,6 +261,8 @@ mod tests {
             Request::MoveBy(1),
             Request::Jog(Velocity(0.1)),
             Request::Halt,
+            Request::Store,
+            Request::Change,
         ];
         let mut reached = std::vec![Mode::Idle, Mode::Fault(Fault::NoMotion)];
         for _ in 0..MODES.len() {

@@ -5,12 +5,14 @@
 #![no_std]
 #![no_main]
 
+use arso_core::link::image::PlanTable;
 use arso_core::{Command, Counts, Current};
 use arso_firmware::board::{
     AmplifierFault, Board, Capabilities, ControlTimer, CurrentOutput, CycleCounter, Encoder,
-    Hardware, Inputs, Levels, RunSwitch, Serial, Watchdog,
+    FlashError, Hardware, Inputs, Levels, RunSwitch, Serial, Slot, Spare, Storage, Watchdog,
 };
 use arso_firmware::drive::{self, LastMoves, Queues};
+use arso_firmware::settings::choose;
 use cortex_m_rt::entry;
 
 struct Blank;
@@ -30,8 +32,15 @@ impl Board for Blank {
     type Inputs = Self;
     type Serial = Self;
     type Watchdog = Self;
+    type Storage = Self;
 
     fn wait_for_interrupt() {}
+
+    fn restart() -> ! {
+        loop {
+            cortex_m::asm::nop();
+        }
+    }
 }
 
 impl ControlTimer for Blank {
@@ -88,12 +97,42 @@ impl Serial for Blank {
 
 impl Watchdog for Blank {
     fn feed(&mut self) {}
+
+    fn wait_for_flash(&mut self) {}
+}
+
+impl Storage for Blank {
+    type Spare = Self;
+
+    fn read(&self, _: Slot) -> &[u8] {
+        &[]
+    }
+
+    fn divide(self, _: Option<Slot>) -> (&'static [u8], Self) {
+        (&[], self)
+    }
+}
+
+impl Spare for Blank {
+    fn read(&self) -> &[u8] {
+        &[]
+    }
+
+    fn erase(&mut self) -> Result<(), FlashError> {
+        Err(FlashError)
+    }
+
+    fn write(&mut self, _: u32, _: &[u8]) -> Result<(), FlashError> {
+        Err(FlashError)
+    }
 }
 
 #[entry]
 fn main() -> ! {
     static mut QUEUES: Queues = Queues::new();
     static LAST_MOVES: LastMoves = LastMoves::new();
+    static mut PLANS: PlanTable = PlanTable::new();
+    let (set, spare) = choose(Blank, PLANS, &Blank::CAPABILITIES);
     let hardware = Hardware::<Blank> {
         timer: Blank,
         encoder: Blank,
@@ -104,8 +143,9 @@ fn main() -> ! {
         inputs: Blank,
         serial: Blank,
         watchdog: Blank,
+        spare,
     };
-    if let Ok((mut control, mut idle)) = drive::new(hardware, QUEUES, &LAST_MOVES) {
+    if let Ok((mut control, mut idle)) = drive::new(hardware, set, QUEUES, &LAST_MOVES) {
         control.period();
         idle.run();
     }

@@ -35,10 +35,18 @@ pub trait Board {
     type Serial: Serial;
     /// What resets it when the program has died.
     type Watchdog: Watchdog;
+    /// What keeps settings without power.
+    type Storage: Storage;
 
     /// Sleeps until the next interrupt.
     fn wait_for_interrupt();
+
+    /// Resets the processor.
+    fn restart() -> !;
 }
+
+/// The spare slot of a board.
+pub type SpareOf<B> = <<B as Board>::Storage as Storage>::Spare;
 
 /// The parts of a board, set up, amplifier disabled.
 pub struct Hardware<B: Board> {
@@ -60,6 +68,8 @@ pub struct Hardware<B: Board> {
     pub serial: B::Serial,
     /// See [`Board::Watchdog`].
     pub watchdog: B::Watchdog,
+    /// See [`Board::Storage`]: what the drive may write of it.
+    pub spare: SpareOf<B>,
 }
 
 /// The timer of the control interrupt.
@@ -131,4 +141,51 @@ pub trait Serial {
 pub trait Watchdog {
     /// All is well.
     fn feed(&mut self);
+
+    /// From now on it waits for as long as the flash takes.
+    fn wait_for_flash(&mut self);
+}
+
+/// One of the two places in which a set of settings is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+pub enum Slot {
+    /// One.
+    First,
+    /// The other.
+    Second,
+}
+
+/// Two slots in flash.
+pub trait Storage {
+    /// The one that is not used.
+    type Spare: Spare;
+
+    /// What a slot holds, from an even address on.
+    fn read(&self, slot: Slot) -> &[u8];
+
+    /// The slot that is used, whose content stays from now on, and the other one. With none in use nothing is, and
+    /// the first is spare.
+    fn divide(self, used: Option<Slot>) -> (&'static [u8], Self::Spare);
+}
+
+/// Flash that was not erased or written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FlashError;
+
+/// A slot that may be written; the processor stands still while it is.
+pub trait Spare {
+    /// What it holds.
+    fn read(&self) -> &[u8];
+
+    /// Erases it.
+    ///
+    /// # Errors
+    /// [`FlashError`].
+    fn erase(&mut self) -> Result<(), FlashError>;
+
+    /// Writes bytes from a place on, which must be erased or hold the same.
+    ///
+    /// # Errors
+    /// [`FlashError`].
+    fn write(&mut self, at: u32, bytes: &[u8]) -> Result<(), FlashError>;
 }

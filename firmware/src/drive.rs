@@ -2,27 +2,35 @@
 
 use crate::board::{
     AmplifierFault, Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs,
-    RunSwitch, Serial, Watchdog,
+    RunSwitch, Serial, SpareOf, Watchdog,
 };
 use crate::identity;
+use crate::keeping::{Keeping, Objection};
 use crate::log::Log;
-use crate::settings::{EXCITATION, GAINS, LOADS, Observer, PERIOD_US, PLANS};
+use crate::settings::{LOADS, Observer, Set, period_us, require_fit, said};
 use crate::switches::Switches;
-use arso_core::link::server::{Numbered, Seen, Server};
+use arso_core::controller::Change;
+use arso_core::link::image::HEADER;
+use arso_core::link::message::{BYTES, Source};
+use arso_core::link::server::{Numbered, Seen, Server, Task};
 use arso_core::record::{self, Course, Recorder, Scale};
 use arso_core::request::Reason;
 use arso_core::{
-    Controller, Counts, Current, Fault, Measurement, Refusal, Request, SettingsError, Telemetry,
+    Controller, Counts, Current, Fault, Measurement, Mode, Refusal, Request, SettingsError,
+    Telemetry,
 };
+use heapless::Vec;
 use heapless::spsc::{Consumer, Producer, Queue};
 
 /// Records that wait for the log: 64 ms at 1 kHz.
 const RECORDS: usize = 64;
 /// Requests that wait for the interrupt, which takes one per period, and outcomes that wait for the idle loop.
 const REQUESTS: usize = 8;
+/// One less changes of settings that wait for the interrupt.
+const CHANGES: usize = 2;
 /// Bytes of the link in one turn of the idle loop: more than come in a control period, so that none waits for
 /// long, and few enough that whatever they are the turn ends.
-const BYTES: usize = 128;
+const LINK_BYTES: usize = 128;
 /// Words of the ring of the last moves, which take 16 KiB in all: 4 s at 1 kHz, and of a move 2 s at most.
 const RING: usize = 4096 - record::HEADER;
 
@@ -34,7 +42,11 @@ pub struct Queues {
     periods: Queue<Period, RECORDS>,
     requests: Queue<Numbered, REQUESTS>,
     outcomes: Queue<Outcome, REQUESTS>,
+    changes: Queue<Settings, CHANGES>,
 }
+
+/// Other settings for the drive that runs.
+type Settings = Change<'static, LOADS, Observer>;
 
 /// What a control period was.
 struct Period {
@@ -58,6 +70,7 @@ impl Queues {
             periods: Queue::new(),
             requests: Queue::new(),
             outcomes: Queue::new(),
+            changes: Queue::new(),
         }
     }
 }
@@ -70,14 +83,16 @@ pub struct Control<B: Board> {
     cycles: B::Cycles,
     run_switch: B::RunSwitch,
     amplifier_fault: B::AmplifierFault,
-    /// When the interrupt before this one began.
+    /// When the interrupt before this one began, and cycles of a control period.
     before: Option<u32>,
+    cycles_per_period: u32,
     controller: Controller<'static, LOADS, Observer>,
     applied: Current,
     recorder: Recorder<'static, RING>,
     periods: Producer<'static, Period>,
     requests: Consumer<'static, Numbered>,
     outcomes: Producer<'static, Outcome>,
+    changes: Consumer<'static, Settings>,
 }
 
 /// What the idle loop owns.
@@ -92,23 +107,35 @@ pub struct Idle<B: Board> {
     periods: Consumer<'static, Period>,
     requests: Producer<'static, Numbered>,
     outcomes: Consumer<'static, Outcome>,
+    changes: Producer<'static, Settings>,
+    set: Set,
+    keeping: Keeping<SpareOf<B>>,
+    mode: Mode,
 }
 
 /// The drive on a board.
 ///
+/// * `set`: the settings that it runs with
 /// * `last_moves`: where a debugger finds them, and the link
 ///
 /// # Errors
 /// When the settings cannot be run.
 pub fn new<B: Board>(
     hardware: Hardware<B>,
+    set: Set,
     queues: &'static mut Queues,
     last_moves: &'static LastMoves,
 ) -> Result<(Control<B>, Idle<B>), SettingsError> {
-    const { crate::settings::require_fit(&B::CAPABILITIES) };
-    let controller = Controller::new(&GAINS, PLANS)?.with_excitation(EXCITATION);
-    let identity = identity::identity();
-    let recorder = Recorder::new(last_moves, &identity, Scale::of(&GAINS));
+    const { require_fit(&B::CAPABILITIES) };
+    let settings = &set.settings;
+    let controller = Controller::new(settings, set.plans)?;
+    let controller = match set.excitation {
+        Some(excitation) => controller.with_excitation(excitation),
+        None => controller,
+    };
+    let identity = identity::identity(&set);
+    let recorder = Recorder::new(last_moves, &identity, Scale::of(settings));
+    let (changes_in, changes_out) = queues.changes.split();
     let (periods_in, periods_out) = queues.periods.split();
     let (requests_in, requests_out) = queues.requests.split();
     let (outcomes_in, outcomes_out) = queues.outcomes.split();
@@ -120,27 +147,34 @@ pub fn new<B: Board>(
         run_switch: hardware.run_switch,
         amplifier_fault: hardware.amplifier_fault,
         before: None,
+        cycles_per_period: (B::Cycles::HZ / 1_000_000) * period_us(settings),
         controller,
         applied: Current(0.0),
         recorder,
         periods: periods_in,
         requests: requests_out,
         outcomes: outcomes_in,
+        changes: changes_out,
     };
     let idle = Idle {
         watchdog: hardware.watchdog,
         inputs: hardware.inputs,
         serial: hardware.serial,
-        switches: Switches::default(),
-        log: Log::new(identity),
+        switches: Switches::new(settings.encoder),
+        log: Log::new(identity, set.source),
         link: Server::new(
-            identity::introduction(&identity),
-            Current(GAINS.limits.current_limit),
+            identity::introduction(&identity, &set),
+            Current(settings.limits.current_limit),
+            set.source,
         ),
         last_moves,
         periods: periods_out,
         requests: requests_in,
         outcomes: outcomes_out,
+        changes: changes_in,
+        keeping: Keeping::new(hardware.spare, settings.sample_time),
+        mode: Mode::Idle,
+        set,
     };
     Ok((control, idle))
 }
@@ -157,7 +191,14 @@ impl<B: Board> Control<B> {
             if self.outcomes.ready()
                 && let Some(asked) = self.requests.dequeue()
             {
-                let outcome = self.controller.request(asked.request);
+                let change = match asked.request {
+                    Request::Change => self.changes.dequeue(),
+                    _ => None,
+                };
+                let outcome = match change {
+                    Some(change) => self.controller.change(&change),
+                    None => self.controller.request(asked.request),
+                };
                 self.tell(asked, outcome);
             }
         } else {
@@ -167,14 +208,20 @@ impl<B: Board> Control<B> {
             while let Some(asked) = self.requests.dequeue() {
                 let outcome = match asked.request {
                     // They move nothing.
-                    Request::SetPosition(_) | Request::Stop => {
+                    Request::SetPosition(_) | Request::Stop | Request::Store => {
                         self.controller.request(asked.request)
                     }
-                    request => Err(Refusal {
-                        request,
-                        mode: self.controller.mode(),
-                        reason: Reason::RunSwitch,
-                    }),
+                    request => {
+                        if request == Request::Change {
+                            // Nor is what was handed over for it.
+                            let _ = self.changes.dequeue();
+                        }
+                        Err(Refusal {
+                            request,
+                            mode: self.controller.mode(),
+                            reason: Reason::RunSwitch,
+                        })
+                    }
                 };
                 self.tell(asked, outcome);
             }
@@ -223,7 +270,7 @@ impl<B: Board> Control<B> {
 
     /// Whether this interrupt began more than a tenth of a period off the one before.
     fn late(&self, start: u32) -> bool {
-        let period = (B::Cycles::HZ / 1_000_000) * PERIOD_US;
+        let period = self.cycles_per_period;
         self.before.is_some_and(|before| {
             let elapsed = start.wrapping_sub(before);
             elapsed.abs_diff(period) > period / 10
@@ -247,12 +294,13 @@ impl<B: Board> Idle<B> {
                 run_switch,
             } = period;
             self.watchdog.feed();
+            self.mode = record.mode;
             self.log.record(&record);
             while let Some((asked, outcome)) = self.outcomes.dequeue() {
-                if let Err(refusal) = outcome {
-                    self.log.refusal(&refusal);
-                }
-                self.link.outcome(asked, outcome);
+                self.outcome(asked, outcome);
+            }
+            if self.keeping.period() {
+                B::restart();
             }
             let seen = Seen {
                 course,
@@ -276,15 +324,97 @@ impl<B: Board> Idle<B> {
         }
     }
 
+    /// What became of a request, and what follows from it.
+    fn outcome(&mut self, asked: Numbered, outcome: Result<(), Refusal>) {
+        match (asked.request, outcome) {
+            (_, Err(refusal)) => self.log.refusal(&refusal),
+            (Request::Store, Ok(())) => {
+                // From now on no current flows, whatever is asked.
+                self.watchdog.wait_for_flash();
+                if let (Err(objection), Some(number)) = (self.keeping.open(), asked.number) {
+                    return self.link.settled(number, Err(objection));
+                }
+            }
+            (Request::Change, Ok(())) => {
+                if let Some(settings) = self.keeping.changed.take() {
+                    let (_, fingerprint) = said(&settings, self.set.plans);
+                    self.set.settings = settings;
+                    self.set.source = Source::Changed;
+                    let limit = Current(self.set.settings.limits.current_limit);
+                    self.link.changed(limit, fingerprint);
+                    self.log.changed(fingerprint);
+                }
+            }
+            _ => {}
+        }
+        self.link.outcome(asked, outcome);
+    }
+
+    /// What the link asks.
+    fn task(&mut self, task: Task) {
+        match task {
+            Task::Request(asked) => self.ask(asked),
+            Task::Put(number, piece) => {
+                let taken = self.keeping.put(self.mode, &piece);
+                self.link.settled(number, taken);
+            }
+            Task::Take(number) => match self.mode {
+                Mode::Storing => {
+                    let kept = self
+                        .keeping
+                        .keep(self.set.header().serial, &B::CAPABILITIES);
+                    self.link.settled(number, kept);
+                }
+                Mode::Running => {
+                    if let Err(objection) = self.change(number) {
+                        self.link.settled(number, Err(objection));
+                    }
+                }
+                _ => self.link.settled(number, Err(Objection::Mode)),
+            },
+            Task::Settings(number, at) => {
+                let bytes = self.said(at.into());
+                self.link.settings(number, bytes);
+            }
+        }
+    }
+
+    /// Hands over settings that are staged; what becomes of them is said later.
+    fn change(&mut self, number: u8) -> Result<(), Objection> {
+        let change = self.keeping.change(&self.set)?;
+        // One that still waits is asked for already.
+        if self.changes.enqueue(change).is_ok() {
+            let number = Some(number);
+            let request = Request::Change;
+            self.ask(Numbered { number, request });
+        }
+        Ok(())
+    }
+
+    /// Bytes of the present settings, header first.
+    fn said(&self, at: usize) -> Vec<u8, BYTES> {
+        let header = self.set.header().bytes();
+        let mut bytes: Vec<u8, BYTES> = Vec::new();
+        // There is room for either.
+        let _ = bytes.extend_from_slice(header.get(at..).unwrap_or_default());
+        let behind = bytes.len();
+        let _ = bytes.resize_default(BYTES);
+        let from = at.saturating_sub(HEADER);
+        let room = bytes.get_mut(behind..).unwrap_or_default();
+        let copied = self.set.copy(from, room);
+        bytes.truncate(behind + copied);
+        bytes
+    }
+
     /// The bytes that have come over the link, and those that are to go.
     fn serve(&mut self) {
-        for _ in 0..BYTES {
+        for _ in 0..LINK_BYTES {
             let Some(byte) = self.serial.read() else {
                 break;
             };
             let last_moves = self.last_moves;
-            if let Some(asked) = self.link.take(byte, |place| last_moves.word(place)) {
-                self.ask(asked);
+            if let Some(task) = self.link.take(byte, |place| last_moves.word(place)) {
+                self.task(task);
             }
         }
         if self.serial.send(self.link.waiting()) {

@@ -20,6 +20,7 @@ pub mod drive;
 mod excitation;
 mod gains;
 mod identity;
+mod keeping;
 mod log;
 pub mod settings;
 mod switches;

@@ -5,8 +5,9 @@
 //! `host-sim capture` reads with the very types that wrote them. The identity is repeated with each summary,
 //! for who listens late.
 
-use crate::settings::{GAINS, LOADS};
+use crate::settings::LOADS;
 use arso_core::link::frame::CHECKSUM;
+use arso_core::link::message::Source;
 use arso_core::{Identity, Mode, Refusal, Telemetry, Vibration};
 
 /// Follows the records and logs them.
@@ -25,8 +26,15 @@ pub(crate) struct Log {
 
 impl Log {
     /// Says which drive this is.
-    pub(crate) fn new(identity: Identity<'static>) -> Self {
-        let sample_time = GAINS.sample_time;
+    pub(crate) fn new(identity: Identity<'static>, source: Source) -> Self {
+        let sample_time = identity.sample_time;
+        match source {
+            Source::Kept(serial) => defmt::info!("settings: kept in flash, set {}", serial),
+            Source::Fallback => {
+                defmt::warn!("settings: compiled in, for those in flash cannot be run");
+            }
+            Source::CompiledIn | Source::Changed => defmt::info!("settings: compiled in"),
+        }
         // `capture` takes these words for a start of the drive.
         defmt::info!("drive ready: {}", Shown(&identity));
         Self {
@@ -67,6 +75,9 @@ impl Log {
                 Mode::Commissioning => defmt::info!("commissioning"),
                 Mode::Exciting => defmt::info!("exciting"),
                 Mode::Ready => defmt::info!("ready"),
+                Mode::Storing => {
+                    defmt::info!("storing settings: the processor stands still at times");
+                }
                 Mode::Running if record.position_set => defmt::info!("running"),
                 Mode::Running => {
                     defmt::info!(
@@ -111,6 +122,15 @@ impl Log {
     /// Vibration of the load, rms, m.
     pub(crate) fn vibration(&self) -> f32 {
         self.vibration.level()
+    }
+
+    /// The drive goes on with other settings.
+    ///
+    /// * `fingerprint`: of them
+    pub(crate) fn changed(&mut self, fingerprint: u32) {
+        self.identity.fingerprint = fingerprint;
+        defmt::info!("settings: changed while running, kept nowhere");
+        defmt::info!("drive: {}", Shown(&self.identity));
     }
 
     /// Logs what was asked in vain.

@@ -16,7 +16,7 @@
 //! again.
 
 use crate::board::Levels;
-use crate::settings::GAINS;
+use arso_core::encoder::Encoder;
 use arso_core::{Mode, Place, Position, Request};
 
 /// Control periods for which a switch must stand still before it counts.
@@ -59,8 +59,8 @@ impl<T: Copy + PartialEq> Debounced<T> {
 }
 
 /// The switches, each debounced by itself, so that none can keep the run switch from being seen.
-#[derive(Default)]
 pub(crate) struct Switches {
+    encoder: Encoder,
     run: Debounced<bool>,
     excite: Debounced<bool>,
     zero: Debounced<bool>,
@@ -81,6 +81,20 @@ enum Asked {
 }
 
 impl Switches {
+    /// Nothing is known of them.
+    ///
+    /// * `encoder`: in whose counts targets are asked for
+    pub(crate) fn new(encoder: Encoder) -> Self {
+        Self {
+            encoder,
+            run: Debounced::default(),
+            excite: Debounced::default(),
+            zero: Debounced::default(),
+            target: Debounced::default(),
+            asked: Asked::default(),
+        }
+    }
+
     /// Takes the levels of one period and the drive's mode; gives what is to be asked of it. The run switch
     /// stops the drive by itself, in the control interrupt: here it counts when it is closed.
     pub(crate) fn sample(&mut self, run: bool, levels: Levels, mode: Mode) -> [Option<Request>; 2] {
@@ -124,9 +138,9 @@ impl Switches {
 
     fn target(&self) -> Request {
         match self.target.settled {
-            Some(1) => Request::Move(GAINS.encoder.place(Position(0.03))),
-            Some(2) => Request::Move(GAINS.encoder.place(Position(0.015))),
-            Some(3) => Request::Step(GAINS.encoder.place(Position(0.03))),
+            Some(1) => Request::Move(self.encoder.place(Position(0.03))),
+            Some(2) => Request::Move(self.encoder.place(Position(0.015))),
+            Some(3) => Request::Step(self.encoder.place(Position(0.03))),
             _ => Request::Move(Place(0)),
         }
     }

@@ -5,6 +5,7 @@
 //!                                            |
 //!                                            +--motion--> a machine that moves, waited for
 //!                                            +--last_moves--> the moves in the drive's memory
+//!                                            +--settings----> what it runs with
 //! ```
 //!
 //! Messages and frames are the drive's own ([`arso_core::link`]). A question is repeated until it is answered,
@@ -16,7 +17,9 @@ mod last_moves;
 mod line;
 mod motion;
 mod port;
+mod settings;
 
 pub use connection::{Connection, passed};
 pub use motion::{Arrival, GoOn, LARGEST, fault_words, mode_name, require_possible};
 pub use port::{BAUD, Port};
+pub use settings::Pushed;

@@ -8,7 +8,7 @@ use crate::excitation::{self, Excitation};
 use crate::fault::Fault;
 use crate::mode::Mode;
 use crate::moves;
-use crate::observer::StateObserver;
+use crate::observer::{Estimate, StateObserver};
 use crate::protection;
 use crate::reaction_force;
 use crate::rest::{self, Rest};
@@ -29,6 +29,7 @@ pub(super) enum Activity<const N: usize, O: StateObserver<N>> {
     Ready(rest::Memory),
     Running(Running<N, O>),
     Fault(Fault),
+    Storing,
 }
 
 impl<const N: usize, O: StateObserver<N>> Activity<N, O> {
@@ -46,6 +47,7 @@ impl<const N: usize, O: StateObserver<N>> Activity<N, O> {
                 Self::Running(Running::new(rest::Memory::default()))
             }
             (Mode::Fault(fault), _) => Self::Fault(fault),
+            (Mode::Storing, _) => Self::Storing,
         };
         *self = next;
     }
@@ -66,6 +68,7 @@ impl<const N: usize, O: StateObserver<N>> Activity<N, O> {
                 Some(stopping) => Mode::Stopping(stopping.fault),
             },
             Self::Fault(fault) => Mode::Fault(*fault),
+            Self::Storing => Mode::Storing,
         }
     }
 }
@@ -202,6 +205,8 @@ pub(super) struct Loop<const N: usize, M> {
     pub(super) standstill: standstill::Memory,
     /// What of the current that is applied now is fed forward: for the move, and for friction.
     pub(super) fed: Fed,
+    /// Where the machine was found last, relative to the reference.
+    pub(super) difference: Estimate<N>,
     /// The force that the reference's load exerts, beside what the observers find.
     pub(super) expected: Expected,
     /// For how many periods the current limit has acted in a move.
@@ -232,7 +237,7 @@ impl Expected {
         &mut self,
         displacement: f32,
         feed_forward: Current,
-        (mass, force_constant, sample_time): (f32, f32, f32),
+        ((mass, force_constant), sample_time): ((f32, f32), f32),
     ) -> Force {
         let acceleration = (displacement - self.displacement) / (sample_time * sample_time);
         let current = 0.5 * (feed_forward.0 + self.feed_forward);

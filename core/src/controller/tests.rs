@@ -17,7 +17,7 @@ use std::vec::Vec;
 type Drive = Controller<'static, 1, Anchored<1, 5>>;
 
 /// One load that follows the actuator rigidly, no correction: PD control on the encoder.
-fn settings() -> Settings<1, Anchored<1, 5>> {
+pub(crate) fn settings() -> Settings<1, Anchored<1, 5>> {
     Settings {
         sample_time: 1e-3,
         encoder: Encoder {
@@ -1026,4 +1026,120 @@ proptest! {
         prop_assert!((0..5).any(|part| !after.same(&before, part)));
         prop_assert!((7..12).all(|part| before.same(&before, part)));
     }
+}
+
+/// Runs a drive for some periods, the actuator at rest at a place; the last command.
+fn hold(controller: &mut Drive, count: u32, periods: u32) -> Command {
+    let mut command = Command::default();
+    for _ in 0..periods {
+        command = controller.step(measured(count, command.current.0));
+    }
+    command
+}
+
+fn other(
+    alter: impl FnOnce(&mut Settings<1, Anchored<1, 5>>),
+) -> change::Change<'static, 1, Anchored<1, 5>> {
+    let mut settings = settings();
+    alter(&mut settings);
+    change::Change::new(&settings, PLANS).unwrap()
+}
+
+fn reason(result: Result<(), Refusal>) -> Reason {
+    result.unwrap_err().reason
+}
+
+/// Held at its target, a drive takes another gain between two periods: the command goes on, and 20 um off the
+/// new gain answers, not the old one.
+#[test]
+fn a_gain_is_changed_without_a_leap() {
+    let mut controller = running();
+    let count = controller.telemetry().count;
+    let before = hold(&mut controller, count, 50);
+    assert!(matches!(controller.course(), Course::Held(_)));
+    let stiffer = other(|settings| settings.regulator.actuator.position = 60.0);
+    controller.change(&stiffer).unwrap();
+    assert_eq!(hold(&mut controller, count, 1), before);
+    let off = |controller: &mut Drive| {
+        hold(controller, count.wrapping_add(20), 20).current.0 - before.current.0
+    };
+    let mut unchanged = running();
+    hold(&mut unchanged, count, 50);
+    let (softly, stiffly) = (off(&mut unchanged), off(&mut controller));
+    assert!((softly + 30.0 * 20e-6).abs() < 1e-3, "{softly}");
+    assert!((stiffly + 60.0 * 20e-6).abs() < 1e-3, "{stiffly}");
+    // The copy that the memory is held against changed with it.
+    hold(&mut controller, count, 200);
+    assert_eq!(controller.mode(), Mode::Running);
+}
+
+#[test]
+fn what_would_leap_or_means_something_else_is_refused() {
+    let mut controller = running();
+    let count = controller.telemetry().count;
+    // It waits for rest.
+    let same = other(|_| {});
+    assert_eq!(reason(controller.change(&same)), Reason::Moving);
+    hold(&mut controller, count, 50);
+    controller.change(&same).unwrap();
+    // Another meaning of counts, periods and currents, and another filter, whose memory would be another's.
+    for other in [
+        other(|settings| settings.encoder.resolution = 2e-6),
+        other(|settings| settings.sample_time = 2e-3),
+        other(|settings| settings.actuator.force_constant = 7.0),
+        other(|settings| settings.disturbance_cutoff = 500.0),
+        other(|settings| settings.reaction_force_cutoff = 500.0),
+    ] {
+        assert_eq!(reason(controller.change(&other)), Reason::Restart);
+    }
+    static COPY: Plans<'static> = Plans {
+        stride: 2,
+        ..crate::moves::tests::RIGID
+    };
+    let slower = change::Change::new(&settings(), COPY).unwrap();
+    assert_eq!(reason(controller.change(&slower)), Reason::Restart);
+    // 2 mm off, a gain twice as large is 60 mA more, of which 20 mA may be.
+    hold(&mut controller, count.wrapping_add(2000), 20);
+    let stiffer = other(|settings| settings.regulator.actuator.position = 60.0);
+    assert_eq!(reason(controller.change(&stiffer)), Reason::Leap);
+    // Nor may the limit cut what is commanded.
+    let narrow = other(|settings| settings.limits.current_limit = 0.01);
+    assert_eq!(reason(controller.change(&narrow)), Reason::Leap);
+    // A move.
+    hold(&mut controller, count, 50);
+    controller.request(Request::MoveBy(10_000)).unwrap();
+    assert_eq!(reason(controller.change(&same)), Reason::Moving);
+    hold(&mut controller, count, 3);
+    assert_eq!(reason(controller.change(&same)), Reason::Moving);
+    controller.request(Request::Stop).unwrap();
+    assert_eq!(reason(controller.change(&same)), Reason::Mode);
+    // By itself it says nothing.
+    let mut controller = running();
+    assert_eq!(
+        reason(controller.request(Request::Change)),
+        Reason::NoSettings
+    );
+}
+
+/// A drive that stores has no current, and heeds nothing until its reset.
+#[test]
+fn a_drive_that_stores_stays_off() {
+    let mut controller = new();
+    commission(&mut controller);
+    controller.request(Request::Store).unwrap();
+    for request in [
+        Request::Stop,
+        Request::Start,
+        Request::Commission,
+        Request::SetPosition(Place(0)),
+    ] {
+        assert_eq!(reason(controller.request(request)), Reason::Mode);
+    }
+    // The processor stood still, and the encoder went on.
+    for count in [0, 30_000, 60_000, 7] {
+        assert_eq!(controller.step(measured(count, 0.0)), Command::default());
+        assert_eq!(controller.mode(), Mode::Storing);
+    }
+    let mut running = running();
+    assert_eq!(reason(running.request(Request::Store)), Reason::Mode);
 }

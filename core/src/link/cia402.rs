@@ -13,6 +13,7 @@
 //! | halt (bit 8) | `Halt` |
 //! | target velocity, profile velocity | `Jog` |
 //! | homing at the present place (method 37) | `SetPosition` |
+//! | store parameters (object 1010h) | `Store`, and a set of settings |
 //!
 //! | mode of the drive | state | mode of operation |
 //! |---|---|---|
@@ -22,6 +23,7 @@
 //! | `Running` | operation enabled | profile position (1), profile velocity (3) while it jogs |
 //! | `Stopping` | fault reaction active | profile position |
 //! | `Fault` | fault | none |
+//! | `Storing` | switch on disabled | none |
 
 use super::message::Status;
 use crate::mode::Mode;
@@ -81,7 +83,7 @@ impl Status {
     #[must_use]
     pub const fn state(&self) -> State {
         match self.mode {
-            Mode::Idle => State::SwitchOnDisabled,
+            Mode::Idle | Mode::Storing => State::SwitchOnDisabled,
             Mode::Ready if self.run_switch => State::SwitchedOn,
             Mode::Ready => State::ReadyToSwitchOn,
             Mode::Commissioning | Mode::Exciting | Mode::Running => State::OperationEnabled,
@@ -109,7 +111,7 @@ impl Status {
             Mode::Exciting => -2,
             Mode::Running if self.jogging => 3,
             Mode::Running | Mode::Stopping(_) => 1,
-            Mode::Idle | Mode::Ready | Mode::Fault(_) => 0,
+            Mode::Idle | Mode::Ready | Mode::Fault(_) | Mode::Storing => 0,
         }
     }
 }

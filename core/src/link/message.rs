@@ -29,6 +29,10 @@ pub const HELLO: u16 = 0;
 pub const TAG: u16 = tag();
 /// Words of the last moves in one message.
 pub const WORDS: usize = 24;
+/// Bytes of a set of settings in one message.
+pub const BYTES: usize = 128;
+/// Longest sentence of the drive.
+pub const WORDING: usize = 120;
 /// Faults that the drive remembers.
 pub const FAULTS: usize = 8;
 
@@ -46,7 +50,7 @@ const fn tag() -> u16 {
 }
 
 /// A question with its number.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Asked {
     /// Not that of the question before, nor that of the last request, however long ago that was.
     pub number: u8,
@@ -55,7 +59,7 @@ pub struct Asked {
 }
 
 /// What a host can ask.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Ask {
     /// What the drive is doing: [`Answer::Status`].
     Status,
@@ -69,6 +73,24 @@ pub enum Ask {
     LastMoves(u16),
     /// The last faults: [`Answer::Faults`].
     Faults,
+    /// Bytes of the settings that the drive runs with, header first, from that one on: [`Answer::Settings`].
+    Settings(u16),
+    /// Bytes of a set of settings (see [`image`](super::image)): [`Answer::Taken`] or [`Answer::Objection`]. Into the
+    /// flash after [`Request::Store`], and into memory while the drive runs.
+    Put(Piece),
+    /// The set has come whole. Of a drive that stores, it is to be kept, and the drive resets itself:
+    /// [`Answer::Taken`] before that, or [`Answer::Objection`]. One that runs goes on with it, see
+    /// [`Request::Change`], until the reset.
+    Take,
+}
+
+/// Bytes of a set of settings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Piece {
+    /// Where they begin, in the set. The first piece is the header.
+    pub at: u32,
+    /// What they are.
+    pub bytes: Vec<u8, BYTES>,
 }
 
 /// An answer with the number of its question.
@@ -99,6 +121,26 @@ pub enum Answer<L> {
     LastMoves(Vec<u32, WORDS>),
     /// See [`Ask::Faults`]: the oldest first.
     Faults(Vec<PastFault, FAULTS>),
+    /// See [`Ask::Settings`]; none beyond the last.
+    Settings(Vec<u8, BYTES>),
+    /// Settings are not taken, and why.
+    Objection(String<WORDING>),
+}
+
+/// Where the settings are from that a drive runs with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// They are the firmware's own, and no others are kept.
+    #[default]
+    CompiledIn,
+    /// They are kept in its flash, under that serial number.
+    Kept(u32),
+    /// They are the firmware's own, for what is kept cannot be run.
+    Fallback,
+    /// They were changed while it ran, and are kept nowhere.
+    Changed,
 }
 
 /// What the drive is doing.
@@ -134,6 +176,10 @@ pub struct Status {
     pub command: f32,
     /// Largest current that is commanded, either way, A.
     pub current_limit: f32,
+    /// Where its settings are from, and by which checksum they are known.
+    pub source: Source,
+    /// See `source`.
+    pub fingerprint: u32,
     /// Whether the current limit acts.
     pub limited: bool,
     /// Vibration of the load, rms, m.

@@ -4,6 +4,8 @@
 //! bytes --take--> question --> answer ----------------------------------------+
 //!                    | request: to the control interrupt                      v
 //!                    +--------> outcome --outcome--> answer --> frames --waiting--> bytes
+//!                    | settings: to whoever keeps them                        ^
+//!                    +--------> settings, objected -> answer -----------------+
 //! record of each period --period--> status, faults, telemetry ----------------^
 //! ```
 //!
@@ -15,14 +17,16 @@
 
 use super::frame::{LONGEST, Receiver, frame};
 use super::message::{
-    Answer, Answered, Ask, Asked, FAULTS, HELLO, Introduction, PastFault, Status, TAG, WORDS,
+    Answer, Answered, Ask, Asked, BYTES, FAULTS, HELLO, Introduction, PastFault, Piece, Source,
+    Status, TAG, WORDS,
 };
 use crate::mode::Mode;
 use crate::record::Course;
 use crate::request::{Refusal, Request};
 use crate::telemetry::Telemetry;
 use crate::units::Current;
-use heapless::{Deque, Vec};
+use core::fmt::{self, Write};
+use heapless::{Deque, String, Vec};
 use serde::Serialize;
 
 /// How long nothing may be heard in a jog, s.
@@ -52,6 +56,19 @@ pub struct Numbered {
     pub request: Request,
 }
 
+/// What the drive is to do for its host.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Task {
+    /// To carry out a request, and to say what [became of it](Server::outcome).
+    Request(Numbered),
+    /// To take bytes of a set of settings, and to [answer](Server::settled) under that number.
+    Put(u8, Piece),
+    /// To take the set as it has come, and to [answer](Server::settled).
+    Take(u8),
+    /// To say bytes of the present settings, from that one on, by [`Server::settings`].
+    Settings(u8, u16),
+}
+
 /// What the drive asks of itself where its host is not there.
 const HALT: Numbered = Numbered {
     number: None,
@@ -75,7 +92,7 @@ pub struct Server<const N: usize> {
     waiting: Vec<u8, WAITING>,
     subscription: Option<Subscription>,
     /// The last request, and what became of it.
-    last: Option<(Asked, Option<Result<(), Refusal>>)>,
+    last: Option<(Numbered, Option<Result<(), Refusal>>)>,
     status: Status,
     faults: Deque<PastFault, FAULTS>,
     /// Control periods without a frame, and how many are too many in a jog.
@@ -87,23 +104,35 @@ impl<const N: usize> Server<N> {
     /// A drive that nobody has spoken to.
     ///
     /// * `current_limit`: its largest current
+    /// * `source`: where its settings are from
     #[must_use]
-    pub fn new(introduction: Introduction, current_limit: Current) -> Self {
+    pub fn new(introduction: Introduction, current_limit: Current, source: Source) -> Self {
         Self {
             // The cast saturates.
             patience: (SILENCE / introduction.sample_time) as u32,
+            status: Status {
+                current_limit: current_limit.0,
+                source,
+                fingerprint: introduction.fingerprint,
+                ..Status::default()
+            },
             introduction,
             receiver: Receiver::default(),
             waiting: Vec::new(),
             subscription: None,
             last: None,
-            status: Status {
-                current_limit: current_limit.0,
-                ..Status::default()
-            },
             faults: Deque::new(),
             silent: 0,
         }
+    }
+
+    /// The drive goes on with other settings.
+    ///
+    /// * `current_limit`, `fingerprint`: of them
+    pub fn changed(&mut self, current_limit: Current, fingerprint: u32) {
+        self.status.current_limit = current_limit.0;
+        self.status.source = Source::Changed;
+        self.status.fingerprint = fingerprint;
     }
 
     /// Whether the link commands the drive: somebody has spoken since the reset.
@@ -112,10 +141,10 @@ impl<const N: usize> Server<N> {
         self.status.remote
     }
 
-    /// Takes a byte from the line; gives what is asked of the drive, whose [`outcome`](Self::outcome) is awaited.
+    /// Takes a byte from the line; gives what is asked of the drive.
     ///
     /// * `word`: of the last moves, where there is such a one
-    pub fn take(&mut self, byte: u8, word: impl Fn(usize) -> Option<u32>) -> Option<Numbered> {
+    pub fn take(&mut self, byte: u8, word: impl Fn(usize) -> Option<u32>) -> Option<Task> {
         let Ok(frame) = self.receiver.take(byte)? else {
             self.damaged();
             return None;
@@ -128,7 +157,7 @@ impl<const N: usize> Server<N> {
             self.status.remote = true;
             (self.last, self.subscription) = (None, None);
             put(&mut self.waiting, HELLO, &self.introduction);
-            return self.status.jogging.then_some(HALT);
+            return self.status.jogging.then_some(Task::Request(HALT));
         }
         // Of another version.
         if frame.tag != TAG {
@@ -147,7 +176,7 @@ impl<const N: usize> Server<N> {
         self.status.damaged = self.status.damaged.saturating_add(1);
     }
 
-    fn answer(&mut self, asked: Asked, word: impl Fn(usize) -> Option<u32>) -> Option<Numbered> {
+    fn answer(&mut self, asked: Asked, word: impl Fn(usize) -> Option<u32>) -> Option<Task> {
         let Asked { number, ask } = asked;
         let answer = match ask {
             Ask::Status => Answer::Status(self.status),
@@ -165,18 +194,26 @@ impl<const N: usize> Server<N> {
                 Answer::LastMoves(places.map_while(word).collect())
             }
             Ask::Faults => Answer::Faults(self.faults.iter().copied().collect()),
-            Ask::Request(request) => match self.last {
-                Some((last, outcome)) if last == asked => match outcome {
-                    Some(Ok(())) => Answer::Taken,
-                    Some(Err(refusal)) => Answer::Refused(refusal),
-                    None => return None,
-                },
-                _ => {
-                    self.last = Some((asked, None));
-                    let number = Some(number);
-                    return Some(Numbered { number, request });
+            Ask::Settings(at) => return Some(Task::Settings(number, at)),
+            Ask::Put(piece) => return Some(Task::Put(number, piece)),
+            Ask::Take => return Some(Task::Take(number)),
+            Ask::Request(request) => {
+                let asked = Numbered {
+                    number: Some(number),
+                    request,
+                };
+                match self.last {
+                    Some((last, outcome)) if last == asked => match outcome {
+                        Some(Ok(())) => Answer::Taken,
+                        Some(Err(refusal)) => Answer::Refused(refusal),
+                        None => return None,
+                    },
+                    _ => {
+                        self.last = Some((asked, None));
+                        return Some(Task::Request(asked));
+                    }
                 }
-            },
+            }
         };
         self.say(number, answer);
         None
@@ -186,8 +223,27 @@ impl<const N: usize> Server<N> {
     pub fn busy(&mut self) {
         if let Some((asked, None)) = self.last {
             self.last = None;
-            self.say(asked.number, Answer::Busy);
+            self.say(asked.number.unwrap_or_default(), Answer::Busy);
         }
+    }
+
+    /// What became of settings that came; an objection is said in words, as far as there is room.
+    pub fn settled<E: fmt::Display>(&mut self, number: u8, taken: Result<(), E>) {
+        let answer = match taken {
+            Ok(()) => Answer::Taken,
+            Err(objection) => {
+                let mut words = String::new();
+                // What was written before the room was used up stays.
+                let _ = write!(words, "{objection}");
+                Answer::Objection(words)
+            }
+        };
+        self.say(number, answer);
+    }
+
+    /// Bytes of the present settings.
+    pub fn settings(&mut self, number: u8, bytes: Vec<u8, BYTES>) {
+        self.say(number, Answer::Settings(bytes));
     }
 
     /// What became of a request, whoever asked.
@@ -196,7 +252,7 @@ impl<const N: usize> Server<N> {
             return;
         };
         if let Some((last, awaited @ None)) = &mut self.last
-            && last.number == number
+            && last.number == asked.number
         {
             *awaited = Some(outcome);
         }
@@ -233,6 +289,8 @@ impl<const N: usize> Server<N> {
             velocity: record.velocity,
             command: record.command,
             current_limit: before.current_limit,
+            source: before.source,
+            fingerprint: before.fingerprint,
             limited: record.limited,
             vibration: seen.vibration,
             worst_cycles: before.worst_cycles.max(record.cycles),
@@ -317,6 +375,7 @@ mod tests {
     use crate::link::message::VERSION;
     use crate::request::Reason;
     use crate::units::{Place, Velocity};
+    use std::borrow::ToOwned;
     use std::vec::Vec as List;
 
     type Heard = Answered<List<f32>>;
@@ -332,10 +391,19 @@ mod tests {
             resolution: 1e-6,
             fingerprint: 0x1234_5678,
         };
-        Server::new(introduction, Current(1.85))
+        Server::new(introduction, Current(1.85), Source::CompiledIn)
     }
 
+    /// The request that comes of a message.
     fn send<T: Serialize>(server: &mut Server<3>, tag: u16, message: &T) -> Option<Numbered> {
+        match task(server, tag, message) {
+            Some(Task::Request(asked)) => Some(asked),
+            None => None,
+            Some(other) => panic!("{other:?}"),
+        }
+    }
+
+    fn task<T: Serialize>(server: &mut Server<3>, tag: u16, message: &T) -> Option<Task> {
         let mut buffer = [0; LONGEST];
         let bytes = frame(tag, message, &mut buffer).unwrap();
         let mut given = bytes
@@ -398,6 +466,54 @@ mod tests {
             vibration: 0.5,
         };
         server.period(&record, &seen)
+    }
+
+    /// What concerns settings is passed on with its number, and what came of it is said under that.
+    #[test]
+    fn settings_are_passed_on() {
+        let mut server = server();
+        let piece = Piece {
+            at: 128,
+            bytes: Vec::from_slice(&[0; BYTES]).unwrap(),
+        };
+        for (ask, expected) in [
+            (Ask::Put(piece.clone()), Task::Put(9, piece)),
+            (Ask::Take, Task::Take(9)),
+            (Ask::Settings(256), Task::Settings(9, 256)),
+        ] {
+            let asked = Asked { number: 9, ask };
+            assert_eq!(task(&mut server, TAG, &asked), Some(expected));
+            assert_eq!(server.waiting(), []);
+        }
+        server.settled(9, Ok::<_, &str>(()));
+        assert_eq!(answer(&mut server), Answer::Taken);
+        // As much of a sentence as there is room for is a message still.
+        let long = "too long ".repeat(30);
+        server.settled(9, Err(&long));
+        server.settled(10, Err("the settings are damaged"));
+        let heard = heard(&mut server);
+        assert_eq!(heard.len(), 2);
+        let words = |heard: &Heard| match &heard.answer {
+            Answer::Objection(words) => words.as_str().to_owned(),
+            other => panic!("{other:?}"),
+        };
+        assert!(long.starts_with(&words(&heard[0])));
+        assert_eq!(words(&heard[1]), "the settings are damaged");
+        server.settings(11, Vec::from_slice(&[7; BYTES]).unwrap());
+        let Answer::Settings(bytes) = answer(&mut server) else {
+            panic!("no settings");
+        };
+        assert_eq!(bytes.as_slice(), [7; BYTES]);
+
+        server.changed(Current(5.0), 77);
+        ask(&mut server, 12, Ask::Status);
+        let Answer::Status(status) = answer(&mut server) else {
+            panic!("no status");
+        };
+        assert_eq!(
+            (status.source, status.fingerprint, status.current_limit),
+            (Source::Changed, 77, 5.0)
+        );
     }
 
     const JOG: Request = Request::Jog(Velocity(0.1));
@@ -576,6 +692,7 @@ mod tests {
             remote: true,
             held: Some(Place(8)),
             current_limit: 1.85,
+            fingerprint: 0x1234_5678,
             vibration: 0.5,
             lost: 3,
             damaged: 1,

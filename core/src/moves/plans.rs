@@ -20,7 +20,7 @@
 //! rounding is corrected by the feedback and adds up to nothing.
 
 use crate::check::{SettingsError, positive};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Words of a row: current, position and the deflection of each load.
 #[must_use]
@@ -29,7 +29,7 @@ pub const fn row_words(loads: usize) -> usize {
 }
 
 /// One plan; its units are per m for a displacement and per m/s for a change of velocity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Where its rows begin.
     pub first: u32,
@@ -76,8 +76,13 @@ impl Plans<'_> {
             && core::ptr::eq(self.rows, copy.rows)
     }
 
+    /// Refuses plans that cannot be played.
+    ///
     /// * `loads`: number of load masses
-    pub(crate) fn check(&self, loads: usize) -> Result<(), SettingsError> {
+    ///
+    /// # Errors
+    /// [`SettingsError::Plans`], and what must be positive.
+    pub fn check(&self, loads: usize) -> Result<(), SettingsError> {
         let rows = self.rows.len() / row_words(loads);
         positive("plans.stride", self.stride.into())?;
         positive("plans.run", self.run)?;

@@ -36,6 +36,8 @@ impl<const N: usize, const S: usize> Anchored<N, S> {
 }
 
 impl<const N: usize, const S: usize> StateObserver<N> for Anchored<N, S> {
+    const FORM: u8 = 0;
+
     type Memory = SVector<f32, S>;
 
     fn check(&self) -> Result<(), SettingsError> {

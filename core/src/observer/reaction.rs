@@ -26,6 +26,8 @@ impl<const N: usize, const S: usize> Reaction<N, S> {
 }
 
 impl<const N: usize, const S: usize> StateObserver<N> for Reaction<N, S> {
+    const FORM: u8 = 1;
+
     type Memory = SVector<f32, S>;
 
     fn check(&self) -> Result<(), SettingsError> {

@@ -22,8 +22,8 @@ mod board;
 #[rtic::app(device = stm32f4xx_hal::pac)]
 mod app {
     use crate::board::{self, Stm32f405};
+    use arso_core::link::image::PlanTable;
     use arso_firmware::drive::{self, Control, Idle, LastMoves, Queues};
-    use arso_firmware::settings::{GAINS, PERIOD_US};
 
     #[shared]
     struct Shared {}
@@ -34,10 +34,20 @@ mod app {
         idle: Idle<Stm32f405>,
     }
 
-    #[init(local = [queues: Queues = Queues::new(), last_moves: LastMoves = LastMoves::new()])]
+    #[init(local = [
+        queues: Queues = Queues::new(),
+        last_moves: LastMoves = LastMoves::new(),
+        plans: PlanTable = PlanTable::new(),
+    ])]
     fn init(cx: init::Context) -> (Shared, Local) {
-        let hardware = board::start(cx.device, cx.core, PERIOD_US, GAINS.amplifier);
-        let Ok((control, idle)) = drive::new(hardware, cx.local.queues, cx.local.last_moves) else {
+        let init::LocalResources {
+            queues,
+            last_moves,
+            plans,
+            ..
+        } = cx.local;
+        let (hardware, set) = board::start(cx.device, cx.core, plans);
+        let Ok((control, idle)) = drive::new(hardware, set, queues, last_moves) else {
             defmt::error!("the gains of this firmware cannot be run");
             board::stop();
         };

@@ -2,6 +2,7 @@
 
 mod files;
 mod motion;
+mod settings;
 mod telemetry;
 mod watch;
 
@@ -72,6 +73,7 @@ enum Action {
     /// For example `host-sim drive --port /dev/ttyACM0 faults`. The drive remembers eight until its reset.
     Faults,
     Telemetry(telemetry::TelemetryCommand),
+    Settings(settings::SettingsCommand),
     Watch(watch::WatchCommand),
 }
 
@@ -94,6 +96,10 @@ impl DriveCommand {
             }
             _ => {}
         }
+        let set = match &self.action {
+            Action::Settings(command) => command.set(quiet)?,
+            _ => None,
+        };
         let port = Port::open(name)?;
         // What goes on for a while ends in order.
         if let Action::Enable | Action::Move(_) | Action::Jog(_) | Action::Telemetry(_) =
@@ -161,6 +167,7 @@ impl DriveCommand {
                 ends.print(&report::faults(&ends.drive, &faults, now))
             }
             Action::Telemetry(command) => command.run(&mut ends),
+            Action::Settings(command) => command.run(&mut ends, set.as_deref()),
             Action::Watch(command) => command.run(&mut ends, name),
         }
     }

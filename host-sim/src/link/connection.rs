@@ -60,26 +60,7 @@ impl Connection {
     pub fn new(port: Port) -> Result<Self> {
         let mut line = Line::new(port);
         let introduction = greeted(&mut line)?;
-        let Introduction { version, tag, .. } = introduction;
-        if (version, tag) != (VERSION, TAG) {
-            return Err(Error::Link(format!(
-                "the drive speaks version {version} of the link, tag {tag:#06x}, and this program version \
-                 {VERSION}, tag {TAG:#06x}: use the host-sim of the drive's firmware, {}",
-                introduction.firmware
-            )));
-        }
-        let identity = Identity {
-            kind: &introduction.kind,
-            loads: introduction.loads,
-            sample_time: introduction.sample_time,
-            fingerprint: introduction.fingerprint,
-        };
-        let positive = |value: f32| value.is_finite() && value > 0.0;
-        let possible = positive(introduction.sample_time) && positive(introduction.resolution);
-        let origin = Origin::said(&identity).filter(|_| possible);
-        let origin = origin.ok_or_else(|| {
-            Error::Link("the drive says of itself what no drive of this program is".into())
-        })?;
+        let origin = understood(&introduction)?;
         // An answer to the program before must not be taken for one to this.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         let number = now.map_or(0, |time| time.subsec_micros() as u8);
@@ -92,6 +73,19 @@ impl Connection {
             subscription: None,
             records: VecDeque::new(),
         })
+    }
+
+    /// Greets the drive anew, which may be another one after its reset.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(super) fn greet_again(&mut self) -> Result<()> {
+        self.introduction = greeted(&mut self.line)?;
+        self.origin = understood(&self.introduction)?;
+        self.requested = None;
+        self.subscription = None;
+        self.records.clear();
+        Ok(())
     }
 
     /// How the drive introduced itself.
@@ -115,19 +109,25 @@ impl Connection {
     }
 
     /// * `patience`: for an answer, each of so many `tries`
-    fn ask_within(&mut self, ask: Ask, patience: Duration, tries: usize) -> Result<Said> {
+    pub(super) fn ask_within(
+        &mut self,
+        ask: Ask,
+        patience: Duration,
+        tries: usize,
+    ) -> Result<Said> {
         let number = self.next_number();
-        match ask {
+        match &ask {
             Ask::Request(_) => self.requested = Some(number),
             Ask::Subscribe(every) => {
                 self.records.clear();
-                self.subscription = (every > 0).then_some(number);
+                self.subscription = (*every > 0).then_some(number);
             }
             _ => {}
         }
+        let asked = Asked { number, ask };
         let (mut left, mut busy) = (tries, BUSY_TRIES);
         while left > 0 && busy > 0 {
-            self.line.send(TAG, &Asked { number, ask })?;
+            self.line.send(TAG, &asked)?;
             match self.answer(number, Instant::now() + patience)? {
                 Some(Answer::Busy) => {
                     busy -= 1;
@@ -142,7 +142,7 @@ impl Connection {
             format!("the drive on {name} takes no more requests")
         } else {
             let waited = tries as u128 * patience.as_millis();
-            let request = match ask {
+            let request = match asked.ask {
                 Ask::Request(_) => ": what was asked may have been done, and may yet be",
                 _ => "",
             };
@@ -273,6 +273,30 @@ impl Connection {
 /// A drive that answers another question.
 fn beside(question: &str) -> Error {
     Error::Link(format!("asked {question}, the drive says something else"))
+}
+
+/// Which drive it is that has introduced itself, if it speaks as this program does.
+fn understood(introduction: &Introduction) -> Result<Origin> {
+    let Introduction { version, tag, .. } = introduction;
+    if (*version, *tag) != (VERSION, TAG) {
+        return Err(Error::Link(format!(
+            "the drive speaks version {version} of the link, tag {tag:#06x}, and this program version \
+             {VERSION}, tag {TAG:#06x}: use the host-sim of the drive's firmware, {}",
+            introduction.firmware
+        )));
+    }
+    let identity = Identity {
+        kind: &introduction.kind,
+        loads: introduction.loads,
+        sample_time: introduction.sample_time,
+        fingerprint: introduction.fingerprint,
+    };
+    let positive = |value: f32| value.is_finite() && value > 0.0;
+    let possible = positive(introduction.sample_time) && positive(introduction.resolution);
+    let origin = Origin::said(&identity).filter(|_| possible);
+    origin.ok_or_else(|| {
+        Error::Link("the drive says of itself what no drive of this program is".into())
+    })
 }
 
 /// The introduction of the drive on a line.

@@ -284,6 +284,7 @@ pub const fn mode_name(mode: Mode) -> &'static str {
         Mode::Commissioning => "commissioning",
         Mode::Exciting => "exciting",
         Mode::Ready => "ready",
+        Mode::Storing => "storing settings",
         Mode::Running => "running",
         Mode::Stopping(_) => "stopping",
         Mode::Fault(_) => "stopped by a fault",

@@ -6,8 +6,10 @@ use crate::capture::{LastMoves, short};
 use crate::error::{Error, Result};
 use crate::link::{Connection, mode_name};
 use crate::output::significant;
+use crate::simulate::corridor::settings_said;
 use arso_core::Fault;
-use arso_core::link::message::{PastFault, Status};
+use arso_core::link::image::Header;
+use arso_core::link::message::{PastFault, Source, Status};
 use comfy_table::Cell;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -91,6 +93,7 @@ pub fn status(drive: &Connection, status: &Status) -> String {
             "run switch",
             if status.run_switch { "closed" } else { "open" }.into(),
         ),
+        ("settings", source_words(status.source)),
         ("zero is known", yes(status.position_set)),
         ("commanded over the link", yes(status.remote)),
         ("jogs", yes(status.jogging)),
@@ -114,6 +117,72 @@ pub fn status(drive: &Connection, status: &Status) -> String {
         text += &format!("{words}\n");
     }
     text
+}
+
+/// Where settings are from, in words.
+fn source_words(source: Source) -> String {
+    match source {
+        Source::CompiledIn => "compiled in".into(),
+        Source::Kept(serial) => format!("kept in flash, set {serial}"),
+        Source::Fallback => "compiled in, for those in flash cannot be run".into(),
+        Source::Changed => "changed since the reset, kept nowhere".into(),
+    }
+}
+
+/// The settings of a drive for JSON, SI units, but for the rows of its planned moves.
+///
+/// * `set`: as the drive says it, header first
+///
+/// # Errors
+/// [`Error::Link`] for what is no set.
+pub fn settings_json(header: &Header, set: &[u8], source: Source) -> Result<Value> {
+    let mut value = settings_said(header, set)?;
+    value["source"] = plain(&source)?;
+    value["kind"] = json!(header.kind());
+    value["loads"] = json!(header.loads);
+    value["fingerprint"] = json!(format!("{:08x}", header.fingerprint));
+    Ok(value)
+}
+
+/// The same as TOML for people, of the planned moves what they are.
+///
+/// # Errors
+/// [`Error::Report`] when it cannot be formed.
+pub fn settings(drive: &Connection, value: Value, source: Source) -> Result<String> {
+    let Value::Object(mut value) = value else {
+        return Err(Error::Report("the settings are no table".into()));
+    };
+    let plans = value.remove("plans").unwrap_or_default();
+    let displacements = plans["displacements"].as_array();
+    let (number, reach) = displacements.map_or((0, None), |plans| {
+        (
+            plans.len(),
+            plans.last().and_then(|plan| plan["reach"].as_f64()),
+        )
+    });
+    let settings = without_null(value.remove("settings").unwrap_or_default());
+    let text = toml::to_string(&settings)
+        .map_err(|error| Error::Report(format!("the settings as TOML: {error}")))?;
+    let reach = reach.unwrap_or_default();
+    Ok(format!(
+        "# drive: {}\n# settings: {}\n# planned moves: {number}, the longest without a cruise {}\n\n{text}",
+        drive.origin(),
+        source_words(source),
+        drive.shown(reach)
+    ))
+}
+
+/// What there is none of is left out.
+fn without_null(value: Value) -> Value {
+    match value {
+        Value::Object(table) => {
+            let kept = table.into_iter().filter(|(_, value)| !value.is_null());
+            kept.map(|(key, value)| (key, without_null(value)))
+                .collect::<serde_json::Map<_, _>>()
+                .into()
+        }
+        other => other,
+    }
 }
 
 /// Faults for JSON, the oldest first.

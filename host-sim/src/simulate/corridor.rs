@@ -9,11 +9,14 @@ use crate::design::protection::Protection;
 use crate::design::{Design, gains_file::gains_file};
 use crate::drive::{MAX_LOADS, Observer};
 use crate::error::{self, Error};
+use crate::machine::Kind;
+use arso_core::link::image::{DISPLACEMENTS, Header, NoSet, Settled};
 use arso_core::observer::{Anchored, LinearObserver, Reaction, StateObserver};
 use arso_core::{
     Command, Controller, Excitation, Measurement, Refusal, Request, SettingsError, Telemetry,
 };
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 /// Widths of the counters that boards have, bits.
 const BOARD_COUNTERS: [u32; 2] = [16, 32];
@@ -140,18 +143,93 @@ pub fn gains_source(design: &Design, origin: &str) -> error::Result<String> {
 /// # Errors
 /// [`Error::Report`] when they cannot be serialised.
 pub fn fingerprint(design: &Design) -> error::Result<u32> {
+    Ok(CHECKSUM.checksum(&said(design)?.1))
+}
+
+/// A design's settings and plans as a set, as a drive takes it over its link and keeps it (see
+/// [`image`](arso_core::link::image)).
+///
+/// # Errors
+/// [`Error::Design`] when there are no plans, or more than a set can have; [`Error::Report`] when they cannot be
+/// serialised.
+pub fn settings_image(design: &Design) -> error::Result<Vec<u8>> {
+    let plans = design.plans()?.plans();
+    let displacements = plans.displacements.len();
+    if displacements > DISPLACEMENTS {
+        return Err(Error::Design(format!(
+            "{displacements} planned displacements are more than the {DISPLACEMENTS} that a drive keeps: \
+             reduce `motion.table`"
+        )));
+    }
+    let (form, settings) = said(design)?;
+    let rows: Vec<u8> = plans
+        .rows
+        .iter()
+        .flat_map(|word| word.to_le_bytes())
+        .collect();
+    let header = Header {
+        form,
+        loads: design.loads() as u8,
+        rotary: design.drive.kind == Kind::Rotary,
+        // The drive's own affair.
+        serial: 0,
+        settings: settings.len() as u32,
+        rows: rows.len() as u32,
+        fingerprint: CHECKSUM.checksum(&settings),
+    };
+    let mut image = header.bytes().to_vec();
+    image.extend(settings);
+    image.resize(header.first_row(), 0);
+    image.extend(rows);
+    Ok(image)
+}
+
+/// Form of the observer, and settings and plans in their serialised form.
+fn said(design: &Design) -> error::Result<(u8, Vec<u8>)> {
     fn of<const N: usize, const S: usize, O: StateObserver<N> + Serialize>(
         design: &Design,
         observer: impl FnOnce(LinearObserver<S>) -> O,
         _: &str,
-    ) -> error::Result<u32> {
+    ) -> error::Result<(u8, Vec<u8>)> {
         let failed = |error| Error::Report(format!("the settings cannot be serialised: {error}"));
         let all = (
             design.settings::<N, S, O>(observer, &design.protection()),
             design.plans()?.plans(),
         );
-        let bytes = postcard::to_allocvec(&all).map_err(failed)?;
-        Ok(CHECKSUM.checksum(&bytes))
+        Ok((O::FORM, postcard::to_allocvec(&all).map_err(failed)?))
     }
     with_sizes!(of(design))
+}
+
+/// Settings and plans, as a drive says them, but for the rows of the plans.
+///
+/// * `bytes`: of the set, header first
+///
+/// # Errors
+/// [`Error::Link`] for what is no such set.
+pub fn settings_said(header: &Header, bytes: &[u8]) -> error::Result<serde_json::Value> {
+    fn of<const N: usize, O: StateObserver<N> + Serialize + DeserializeOwned>(
+        header: &Header,
+        bytes: &[u8],
+    ) -> Result<serde_json::Value, String> {
+        let said: Settled<N, O> = header.settings(bytes).map_err(|error| error.to_string())?;
+        // With the numbers that were meant: 0.03 and not 0.029999999.
+        let text = serde_json::to_string(&said).and_then(|text| serde_json::from_str(&text));
+        text.map_err(|error| error.to_string())
+    }
+    macro_rules! with_form {
+        ($($observer:ident: $($loads:literal $states:literal),+;)+) => {
+            match (header.form, header.loads) {
+                $($((<$observer<$loads, $states> as StateObserver<$loads>>::FORM, $loads) => {
+                    of::<$loads, $observer<$loads, $states>>(header, bytes)
+                })+)+
+                (_, loads) => Err(NoSet::Loads(loads).to_string()),
+            }
+        };
+    }
+    let said = with_form! {
+        Anchored: 1 5, 2 7, 3 9, 4 11, 5 13, 6 15;
+        Reaction: 1 4, 2 6, 3 8, 4 10, 5 12, 6 14;
+    };
+    said.map_err(|error| Error::Link(format!("the settings of the drive cannot be read: {error}")))
 }

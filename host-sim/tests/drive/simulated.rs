@@ -1,8 +1,8 @@
 //! A drive on a line: the control core, the drive's end of the link and the exact plant, a period each millisecond.
 
 use arso_core::link::frame::{LONGEST, Receiver, frame};
-use arso_core::link::message::{HELLO, Introduction, TAG, VERSION};
-use arso_core::link::server::{Numbered, Seen, Server};
+use arso_core::link::message::{HELLO, Introduction, Source, TAG, VERSION};
+use arso_core::link::server::{Numbered, Seen, Server, Task};
 use arso_core::observer::Anchored;
 use arso_core::record::{LastMoves, Recorder, Scale};
 use arso_core::{
@@ -239,7 +239,7 @@ impl Board {
         let plant = PlantFile::from(&design.drive);
         let mut board = Self {
             controller,
-            server: Server::new(introduction, Current(1.85)),
+            server: Server::new(introduction, Current(1.85), Source::CompiledIn),
             memory,
             recorder: Recorder::new(memory, &identity, scale),
             plant: Plant::new(&plant, design.drive.control.sample_time),
@@ -327,7 +327,12 @@ impl Board {
             self.period();
             for byte in wire.receive() {
                 let memory = self.memory;
-                let asked = self.server.take(byte, |place| memory.word(place));
+                let task = self.server.take(byte, |place| memory.word(place));
+                // It has no flash for settings.
+                let asked = match task {
+                    Some(Task::Request(asked)) => Some(asked),
+                    _ => None,
+                };
                 if asked.is_some() && busy > 0 {
                     busy -= 1;
                     self.server.busy();

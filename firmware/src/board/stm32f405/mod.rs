@@ -23,13 +23,15 @@ mod inputs;
 mod rtt;
 mod safe_stop;
 mod serial;
+mod storage;
 mod supply;
 mod watchdog;
 
 pub(crate) use safe_stop::stop;
 
-use arso_core::amplifier::Amplifier;
+use arso_core::link::image::PlanTable;
 use arso_firmware::board::{Board, Capabilities, Hardware};
+use arso_firmware::settings::{Set, choose, period_us};
 use stm32f4xx_hal::pac;
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Config;
@@ -55,24 +57,30 @@ impl Board for Stm32f405 {
     type Inputs = inputs::Switches;
     type Serial = serial::SerialLine;
     type Watchdog = watchdog::ResetWatchdog;
+    type Storage = storage::Slots;
 
     fn wait_for_interrupt() {
         cortex_m::asm::wfi();
     }
+
+    fn restart() -> ! {
+        cortex_m::peripheral::SCB::sys_reset();
+    }
 }
 
-/// Sets the board up; the amplifier is disabled throughout. The control interrupt starts when interrupts
-/// are enabled.
+/// Sets the board up for the settings that the drive runs with; the amplifier is disabled throughout. The control
+/// interrupt starts when interrupts are enabled.
 ///
-/// * `period_us`: of the control, µs
-/// * `amplifier`: what a code of the converter means
+/// * `plans`: room for those that are kept in flash
 pub(crate) fn start(
     device: pac::Peripherals,
     core: cortex_m::Peripherals,
-    period_us: u32,
-    amplifier: Amplifier,
-) -> Hardware<Stm32f405> {
+    plans: &'static mut PlanTable,
+) -> (Hardware<Stm32f405>, Set) {
     rtt::start();
+    let slots = storage::Slots::new(device.FLASH);
+    let (set, spare) = choose(slots, plans, &Stm32f405::CAPABILITIES);
+    let period_us = period_us(&set.settings);
     let mut rcc = device
         .RCC
         .freeze(Config::hse(8.MHz()).sysclk(CLOCK_HZ.Hz()));
@@ -80,12 +88,12 @@ pub(crate) fn start(
     let port_a = device.GPIOA.split(&mut rcc);
     let port_b = device.GPIOB.split(&mut rcc);
     let port_c = device.GPIOC.split(&mut rcc);
-    Hardware {
+    let hardware = Hardware {
         output: current_output::DacOutput::new(
             device.DAC,
             port_a.pa4,
             port_b.pb12.into_push_pull_output(),
-            amplifier,
+            set.settings.amplifier,
             &mut rcc,
         ),
         encoder: encoder::QuadratureEncoder::new(device.TIM3, port_c.pc6, port_c.pc7, &mut rcc),
@@ -107,5 +115,7 @@ pub(crate) fn start(
         ),
         watchdog: watchdog::ResetWatchdog::new(device.IWDG, &device.DBGMCU, period_us),
         timer: control_timer::ControlTimer::new(device.TIM2, period_us, &mut rcc),
-    }
+        spare,
+    };
+    (hardware, set)
 }

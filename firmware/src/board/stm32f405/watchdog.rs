@@ -14,6 +14,10 @@ use stm32f4xx_hal::watchdog::IndependentWatchdog;
 const LEAST_MS: u32 = 4;
 const PERIODS: u32 = 4;
 
+/// How long it waits while flash is written, nominally: with the fastest oscillator 10.9 s, where a sector of 128 KiB
+/// takes 4 s at most to be erased byte by byte (data sheet, table of the flash memory's programming).
+const FLASH_MS: u32 = 16_000;
+
 /// The running watchdog.
 pub(crate) struct ResetWatchdog(IndependentWatchdog);
 
@@ -29,5 +33,9 @@ impl ResetWatchdog {
 impl Watchdog for ResetWatchdog {
     fn feed(&mut self) {
         self.0.feed();
+    }
+
+    fn wait_for_flash(&mut self) {
+        self.0.start(FLASH_MS.millis());
     }
 }
