@@ -179,14 +179,14 @@ mod tests {
     #[test]
     fn the_watchdog_bites_in_an_erase_unless_it_is_lengthened() {
         let mut short = board(&[&WATCHED, &UNLOCK, &[ERASE]]);
-        short.set_flash(0xE_0000, &[0; 0x2_0000]);
+        short.set_flash(0xE_0000, &vec![0; 0x2_0000]);
         assert_eq!(run(&mut short, 3000), Err(Stop::WatchdogReset));
         assert_eq!(short.bus().now / 16_000, 512);
         short.bus_mut().flash.cut_at(None, 5);
         short.reset();
         let left = short.flash();
-        let zeros = left[0xE_0000..].iter().filter(|byte| **byte == 0).count();
-        assert!((1..0x2_0000).contains(&zeros), "{zeros}");
+        let old = |byte: &u8| *byte == 0;
+        assert!(left[0xE_0000..].iter().any(old) && !left[0xE_0000..].iter().all(old));
         assert_eq!(short.memory(LAST, 0x2_0000), left[0xE_0000..]);
         assert!(!short.bus().watchdog.started());
 

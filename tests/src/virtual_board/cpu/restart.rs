@@ -25,8 +25,8 @@ impl Board {
         let shown = self.bus().flash.array().clone();
         self.bus_mut().power_cycle();
         self.show_flash(&shown);
-        self.set_memory(RAM, &[0; RAM_SIZE as usize]);
-        self.set_memory(CORE_COUPLED, &[0; CORE_COUPLED_SIZE as usize]);
+        self.set_memory(RAM, &vec![0; RAM_SIZE as usize]);
+        self.set_memory(CORE_COUPLED, &vec![0; CORE_COUPLED_SIZE as usize]);
         self.mark_stack();
         self.start();
     }

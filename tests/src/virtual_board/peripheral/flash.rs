@@ -231,7 +231,8 @@ impl FlashInterface {
 
     /// Ends the operation whose time is over, or in which the power ends; the bytes that it changed.
     pub fn end(&mut self, now: u64) -> Option<Range<usize>> {
-        let work = self.work.pop_front_if(|work| work.ends <= now)?;
+        self.next_event().filter(|ends| *ends <= now)?;
+        let work = self.work.pop_front()?;
         if work.cut {
             self.array.break_off(&work.operation, self.seed);
             self.work.clear();
