@@ -123,8 +123,14 @@ impl Watch {
     /// One period of the rig; a board that is reset starts again.
     pub fn period(&mut self, rig: &mut Rig, stage: &Stage) {
         self.now += 1;
+        let resets = rig.resets;
         match rig.period() {
-            Ok(period) => self.energised = period.enabled,
+            Ok(period) => {
+                self.energised = period.enabled;
+                if rig.resets > resets {
+                    self.by.get_or_insert("watchdog");
+                }
+            }
             Err(stop) => {
                 let resets = matches!(stop, Stop::WatchdogReset | Stop::ResetRequested);
                 self.energised = false;

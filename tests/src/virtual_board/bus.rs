@@ -9,7 +9,7 @@ use super::peripheral::external_lines::ExternalLines;
 use super::peripheral::flash::FlashInterface;
 use super::peripheral::gpio::Gpio;
 use super::peripheral::power::Power;
-use super::peripheral::rcc::Rcc;
+use super::peripheral::rcc::{Cause, Rcc};
 use super::peripheral::system_control::SystemControl;
 use super::peripheral::systick::SysTick;
 use super::peripheral::tick_timer::TickTimer;
@@ -20,6 +20,8 @@ use super::peripheral::{Peripheral, Unknown};
 /// Interrupt of the voltage detector, and its external line.
 const VOLTAGE: usize = 1;
 const VOLTAGE_LINE: u32 = 16;
+/// Interrupt of the flash interface.
+const FLASH: usize = 4;
 /// Interrupt of TIM2.
 const TIM2: usize = 28;
 
@@ -59,7 +61,7 @@ pub struct Patch {
 /// All peripherals, and the time in processor cycles.
 #[derive(Clone, Debug, Default)]
 pub struct Bus {
-    /// Processor cycles since reset.
+    /// Processor cycles since the board was new.
     pub now: u64,
     /// Interrupt controller.
     pub nvic: Nvic,
@@ -85,10 +87,11 @@ pub struct Bus {
     pub ticks: u64,
     /// Supply.
     pub power: Power,
+    /// Flash memory and its interface.
+    pub flash: FlashInterface,
     usart: Usart,
     dma: Dma,
     lines: ExternalLines,
-    flash: FlashInterface,
     cycle_counter: CycleCounter,
     systick: SysTick,
     debug_freeze: [u32; 2],
@@ -116,6 +119,49 @@ impl Bus {
         }
     }
 
+    /// A reset of the processor: peripherals as new. Time goes on, what the world puts on the pins stays, and so
+    /// does what only the end of the power takes: the cause of the reset, the debugger's registers, flash.
+    pub fn reset(&mut self) {
+        let cause = if self.system.reset_requested {
+            Cause::Request
+        } else if self.watchdog.expires().is_some_and(|at| at <= self.now) {
+            Cause::Watchdog
+        } else {
+            Cause::Pin
+        };
+        let (cycle_counter, debug_freeze) = (self.cycle_counter.clone(), self.debug_freeze);
+        self.start_again(cause);
+        self.cycle_counter = cycle_counter;
+        self.debug_freeze = debug_freeze;
+    }
+
+    /// The power goes and comes back: of the part only flash stays.
+    pub fn power_cycle(&mut self) {
+        self.start_again(Cause::Power);
+    }
+
+    fn start_again(&mut self, cause: Cause) {
+        let mut old = std::mem::replace(self, Self::new());
+        for (port, old) in self.ports.iter_mut().zip(&old.ports) {
+            port.wire_like(old);
+        }
+        old.rcc.reset(cause);
+        old.encoder.reset();
+        old.power.reset();
+        old.usart.reset();
+        old.usart.set_ratio(1);
+        old.flash.reset();
+        self.rcc = old.rcc;
+        self.encoder = old.encoder;
+        self.power = old.power;
+        self.usart = old.usart;
+        self.flash = old.flash;
+        self.now = old.now;
+        self.ticks = old.ticks;
+        self.patch = old.patch;
+        self.patched = old.patched;
+    }
+
     /// Brings the timers up to the present and the interrupt lines with them.
     pub fn advance(&mut self) {
         let now = self.now;
@@ -128,6 +174,7 @@ impl Bus {
         if self.usart.next_event().is_some_and(|at| at <= now) {
             self.usart.advance(now, self.usart_pins());
         }
+        self.nvic.set_line(FLASH, self.flash.interrupt());
         self.nvic.set_line(TIM2, self.tick.interrupt());
         self.lines.set(VOLTAGE_LINE, self.power.too_low());
         self.nvic
@@ -153,6 +200,7 @@ impl Bus {
             self.systick.next_zero(),
             self.watchdog.expires(),
             self.usart.next_event(),
+            self.flash.next_event(),
             self.due_stream().map(|_| self.now),
         ];
         events.into_iter().flatten().min()
@@ -338,6 +386,7 @@ impl Bus {
         let now = self.now;
         self.tick.set_ratio(self.rcc.cycles_per_timer_cycle());
         self.watchdog.set_processor_hz(self.rcc.processor_hz(), now);
+        self.flash.set_processor_hz(self.rcc.processor_hz());
         self.usart.set_ratio(self.rcc.cycles_per_apb2_cycle());
         match address {
             0xE000_E100..0xE000_E500 => self.nvic.write(address - 0xE000_E100, value)?,
@@ -366,7 +415,7 @@ impl Bus {
                 self.tick = TickTimer::default();
             }
             if value >> 1 & 1 != 0 {
-                self.encoder = EncoderTimer::default();
+                self.encoder.reset();
             }
             if value >> 29 & 1 != 0 {
                 self.converter = Converter::default();

@@ -8,7 +8,9 @@
 //!
 //! Every return from an exception compares all registers with those before its entry.
 
+mod flash;
 mod hardware;
+mod restart;
 mod snapshot;
 mod transfers;
 
@@ -16,6 +18,7 @@ pub use snapshot::Snapshot;
 
 use super::bus::Bus;
 use super::image::{FLASH, FLASH_SIZE, Image, RAM, RAM_SIZE};
+use super::peripheral::flash::FlashInterface;
 use super::timing::{self, Instruction};
 use std::fmt;
 use unicorn_engine::{Arch, Mode, Prot, RegisterARM, Unicorn, uc_error};
@@ -52,6 +55,8 @@ pub enum Stop {
     WatchdogReset,
     /// The firmware asked for a reset.
     ResetRequested,
+    /// The power has ended in an operation of the flash interface, as was asked for.
+    PowerCut,
     /// The drive does not come to hold its load though it is asked to.
     NotCommissioned,
     /// The drive does not play its excitation though it is asked to, or does not end it.
@@ -95,6 +100,7 @@ impl fmt::Display for Stop {
             Stop::NoTick => f.write_str("no control period has begun for a second"),
             Stop::WatchdogReset => f.write_str("the watchdog was not fed in time"),
             Stop::ResetRequested => f.write_str("the firmware asked for a reset"),
+            Stop::PowerCut => f.write_str("the power has ended"),
             Stop::NotCommissioned => f.write_str("the drive does not close its loop"),
             Stop::NotExcited => f.write_str("the drive does not play its excitation"),
             Stop::LockedUp { pc } => write!(f, "the processor has locked up at pc {pc:#010x}"),
@@ -138,7 +144,11 @@ struct Machine {
 impl Machine {
     /// After anything that can change what is due.
     fn reschedule(&mut self) {
-        self.deadline = self.bus.next_event().unwrap_or(u64::MAX).min(self.limit);
+        self.deadline = if self.bus.flash.busy() {
+            self.bus.now
+        } else {
+            self.bus.next_event().unwrap_or(u64::MAX).min(self.limit)
+        };
         self.alert = self.bus.nvic.any_pending();
     }
 }
@@ -185,6 +195,17 @@ const GENERAL: [RegisterARM; 18] = [
     RegisterARM::FPSCR,
 ];
 
+/// Of these, the floating-point ones.
+const FLOATS: usize = 32;
+
+/// What an exception does not save, and the program can set all the same.
+const MASKS: [RegisterARM; 4] = [
+    RegisterARM::PRIMASK,
+    RegisterARM::BASEPRI,
+    RegisterARM::FAULTMASK,
+    RegisterARM::CONTROL,
+];
+
 /// An exception in progress.
 #[derive(Clone, Debug)]
 struct Frame {
@@ -209,6 +230,9 @@ pub struct Board {
 }
 
 const CONTROL_INTERRUPT: u32 = 16 + 28;
+/// Memory that only the processor reaches.
+const CORE_COUPLED: u32 = 0x1000_0000;
+const CORE_COUPLED_SIZE: u32 = 64 * 1024;
 const STACK_PATTERN: u8 = 0xA5;
 const FRAME_BYTES: u32 = 26 * 4;
 
@@ -233,8 +257,10 @@ impl Board {
         let code = (0..used)
             .step_by(2)
             .map(|at| timing::decode(halfword(at), halfword(at + 2)));
+        let mut bus = Bus::new();
+        bus.flash = FlashInterface::new(&image.flash);
         let machine = Machine {
-            bus: Bus::new(),
+            bus,
             code: code.collect(),
             instructions: 0,
             it_left: 0,
@@ -255,14 +281,7 @@ impl Board {
             .symbol("__euninit")
             .or(image.symbol("__ebss"))
             .unwrap_or(RAM);
-        let unused = vec![STACK_PATTERN; stack_top.saturating_sub(stack_limit) as usize];
-        uc.mem_write(stack_limit.into(), &unused)
-            .expect("stack lies in memory");
-        uc.reg_write(RegisterARM::SP, stack_top.into())
-            .expect("register");
-        uc.reg_write(RegisterARM::PC, image.word(FLASH + 4).into())
-            .expect("register");
-        Self {
+        let mut board = Self {
             uc,
             frames: Vec::new(),
             asleep: false,
@@ -271,7 +290,10 @@ impl Board {
             cost: InterruptCost::default(),
             stack_top,
             stack_limit,
-        }
+        };
+        board.mark_stack();
+        board.start();
+        board
     }
 
     /// The peripherals.
@@ -285,7 +307,7 @@ impl Board {
         &mut self.uc.get_data_mut().bus
     }
 
-    /// Instructions executed since reset.
+    /// Instructions executed since the board was new.
     #[must_use]
     pub fn instructions(&self) -> u64 {
         self.uc.get_data().instructions
@@ -336,7 +358,8 @@ impl Board {
         let general = GENERAL
             .into_iter()
             .map(|register| self.uc.reg_read(register).unwrap_or(0));
-        let float = (0..32).map(|i| self.uc.reg_read(RegisterARM::S0 as i32 + i).unwrap_or(0));
+        let float =
+            (0..FLOATS as i32).map(|i| self.uc.reg_read(RegisterARM::S0 as i32 + i).unwrap_or(0));
         general.chain(float).collect()
     }
 
@@ -347,10 +370,15 @@ impl Board {
     /// Whatever stops the firmware before.
     pub fn run_to_tick(&mut self) -> Result<(), Stop> {
         let ticks = self.bus().ticks;
-        let begin = self.bus().now;
+        let mut begin = self.bus().now;
         loop {
+            if self.bus().flash.busy() {
+                // Nothing is amiss while the processor stalls.
+                begin = self.bus().now;
+            }
             self.bus_mut().advance();
             self.carry_out_transfers();
+            self.end_flash_operation()?;
             let machine = self.uc.get_data_mut();
             machine.reschedule();
             if machine.bus.ticks != ticks {
@@ -373,6 +401,9 @@ impl Board {
 
     /// Takes a pending exception or executes until something is due.
     fn run_to_event(&mut self) -> Result<(), Stop> {
+        if self.bus().flash.busy() {
+            return self.pass_time();
+        }
         let pending = self.bus().nvic.any_pending();
         if pending {
             let primask = self.register(RegisterARM::PRIMASK) & 1 == 1;
@@ -387,12 +418,8 @@ impl Board {
             }
         }
         if self.asleep {
-            let machine = self.uc.get_data_mut();
             if !pending {
-                // Time passes without instructions.
-                let event = machine.bus.next_event().ok_or(Stop::AsleepForever)?;
-                machine.bus.now = machine.bus.now.max(event.min(machine.limit));
-                return Ok(());
+                return self.pass_time();
             }
             self.asleep = false;
         }
@@ -415,6 +442,14 @@ impl Board {
                 error: "the emulator stopped without a reason".into(),
             }),
         }
+    }
+
+    /// Time passes without instructions.
+    fn pass_time(&mut self) -> Result<(), Stop> {
+        let machine = self.uc.get_data_mut();
+        let event = machine.bus.next_event().ok_or(Stop::AsleepForever)?;
+        machine.bus.now = machine.bus.now.max(event.min(machine.limit));
+        Ok(())
     }
 
     fn fault(&self, error: uc_error) -> Stop {
@@ -543,13 +578,20 @@ impl Board {
 
 fn set_up(uc: &mut Unicorn<'static, Machine>, image: &Image) -> Result<(), uc_error> {
     uc.ctl_set_cpu_model(unicorn_engine::ArmCpuModel::CORTEX_M4 as i32)?;
-    // Flash, and its alias at the address the processor boots from.
-    for base in [FLASH, 0] {
+    for base in flash::MAPPED {
         uc.mem_map(base.into(), FLASH_SIZE.into(), Prot::READ | Prot::EXEC)?;
         uc.mem_write(base.into(), &image.flash)?;
     }
+    flash::hook_writes(uc)?;
+    // The electronic signature [39.2]: how large flash is, KiB.
+    uc.mem_map(0x1FFF_7000, 0x1000, Prot::READ)?;
+    uc.mem_write(0x1FFF_7A22, &((FLASH_SIZE / 1024) as u16).to_le_bytes())?;
     uc.mem_map(RAM.into(), RAM_SIZE.into(), Prot::ALL)?;
-    uc.mem_map(0x1000_0000, 64 * 1024, Prot::READ | Prot::WRITE)?;
+    uc.mem_map(
+        CORE_COUPLED.into(),
+        CORE_COUPLED_SIZE.into(),
+        Prot::READ | Prot::WRITE,
+    )?;
     for (base, size) in [
         (0x4000_0000_u64, 0x10_0000_u64),
         (0x4200_0000, 0x200_0000),

@@ -72,6 +72,28 @@ impl Image {
         }
     }
 
+    /// Writes words to addresses, one after the other, and then waits for ever, as every exception does, too;
+    /// assembled by hand:
+    ///
+    /// ```text
+    ///        ldr r0, =table
+    /// next:  ldmia r0!, {r1, r2}
+    ///        cbz r1, wait
+    ///        str r2, [r1]
+    ///        b next
+    /// wait:  b .
+    /// ```
+    #[cfg(test)]
+    pub(super) fn of_writes(writes: &[[u32; 2]]) -> Self {
+        let mut words = vec![0x0800_010B; 0x40];
+        words[0] = RAM + 0x2000;
+        words[1] = 0x0800_0101;
+        words.extend([0xC806_4802, 0x600A_B109, 0xE7FE_E7FB, 0x0800_0110]);
+        words.extend(writes.as_flattened());
+        words.extend([0, 0]);
+        Self::of_words(&words)
+    }
+
     /// Address of a symbol.
     #[must_use]
     pub fn symbol(&self, name: &str) -> Option<u32> {

@@ -3,6 +3,7 @@
 //! The interrupt's computing time (some microseconds) is taken as zero for the plant: the current
 //! that the interrupt commands flows from the beginning of the period, as it does in host-sim.
 
+mod restart;
 mod snapshot;
 
 pub use snapshot::Snapshot;
@@ -126,6 +127,8 @@ pub struct Rig {
     pub interrupts: InterruptLine,
     /// Who takes the log.
     pub log_host: LogHost,
+    /// How often the board was reset because its firmware asked for it.
+    pub resets: u32,
     plant: Plant,
     /// Time that the plant makes at once, s.
     plant_step: f64,
@@ -165,6 +168,7 @@ impl Rig {
             amplifier: Amplifier::new(Scale::from(&drive.actuator)),
             interrupts: InterruptLine::default(),
             log_host: LogHost::default(),
+            resets: 0,
             plant_step: drive.control.sample_time,
             switches: Switches::default(),
             plant: Plant::new(plant, drive.control.sample_time),
@@ -218,10 +222,11 @@ impl Rig {
         }
     }
 
-    /// One control period: the interrupt, whatever the idle loop has to do, and the plant.
+    /// One control period: the interrupt, whatever the idle loop has to do, and the plant. Firmware that asks for a
+    /// reset starts again, and the period ends with its first.
     ///
     /// # Errors
-    /// Whatever stops the firmware.
+    /// Whatever stops the firmware; [`Stop::ResetRequested`] when it asks for another reset in the same period.
     pub fn period(&mut self) -> Result<Period, Stop> {
         let count = self.board.bus().encoder.count();
         let before = self.board.interrupt_cost();
@@ -259,7 +264,7 @@ impl Rig {
     /// The board until the control timer's next update, and the plant for as long.
     ///
     /// * `most`: periods after which the clock ends it, where it may
-    fn part(&mut self, most: f64) -> Result<(), Stop> {
+    fn run(&mut self, most: f64) -> Result<(), Stop> {
         let bus = self.board.bus();
         let began = bus.now;
         let result = if self.as_hardware {
@@ -458,8 +463,13 @@ impl Rig {
                 std::mem::swap(&mut phases.a, &mut phases.b);
             }
             let bus = self.board.bus_mut();
-            if bus.encoder_connected() && !self.wiring.encoder_unplugged {
+            if self.wiring.encoder_unplugged {
+                continue;
+            }
+            if bus.encoder_connected() {
                 bus.encoder.edge(phases, clocks);
+            } else {
+                bus.encoder.settle(phases);
             }
         }
         true

@@ -16,6 +16,8 @@ pub struct Rtt {
     allowance: f64,
 }
 
+/// What a control block begins with.
+const IDENTIFICATION: [u8; 10] = *b"SEGGER RTT";
 /// Flags of a channel: wait until there is room.
 const BLOCK: u32 = 2;
 
@@ -48,11 +50,19 @@ impl Rtt {
         }
     }
 
+    /// The board starts again: the control block is taken away, so that the one that comes next is known as new.
+    pub fn detach(&mut self, board: &mut Board) {
+        board.set_memory(self.control, &[0; IDENTIFICATION.len()]);
+        self.attached = false;
+        self.allowance = 0.0;
+    }
+
     /// What was logged since the last call, as far as it is taken.
     fn take(&mut self, board: &mut Board, most: usize) -> Vec<u8> {
         if !self.attached {
             // The identification is written last, when the block is ready.
-            self.attached = board.memory(self.control, 10) == *b"SEGGER RTT";
+            let identification = board.memory(self.control, IDENTIFICATION.len());
+            self.attached = identification == IDENTIFICATION;
             if !self.attached {
                 return Vec::new();
             }

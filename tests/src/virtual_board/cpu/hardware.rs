@@ -16,7 +16,7 @@ impl Board {
     /// Runs until the next control period begins, and for a number of cycles at most.
     ///
     /// # Errors
-    /// [`Stop::WatchdogReset`] and [`Stop::ResetRequested`]; everything else the board lives through, in
+    /// [`Stop::WatchdogReset`], [`Stop::ResetRequested`] and [`Stop::PowerCut`]; everything else the board lives through, in
     /// whatever state.
     pub fn run_for(&mut self, cycles: u64) -> Result<(), Stop> {
         self.lenient = true;
@@ -26,6 +26,9 @@ impl Board {
         let result = loop {
             self.bus_mut().advance();
             self.carry_out_transfers();
+            if let Err(stop) = self.end_flash_operation() {
+                break Err(stop);
+            }
             let machine = self.uc.get_data_mut();
             machine.reschedule();
             let bus = &mut machine.bus;

@@ -1,19 +1,12 @@
 //! Snapshots: a board as it is between two control periods, to be put into any board with the same firmware.
 //!
-//! Flash is not in it, which no firmware here writes; what the emulator has translated of it stays good.
+//! Flash is in it as the flash interface has it, whose copies share the sectors that have not changed. Only where the
+//! board has others are these written; what the emulator has translated of the firmware stays good.
 
-use super::{Board, Frame, InterruptCost};
+use super::{Board, Frame, InterruptCost, MASKS};
 use crate::virtual_board::bus::Bus;
 use crate::virtual_board::image::{RAM, RAM_SIZE};
 use unicorn_engine::RegisterARM;
-
-/// What an exception does not save, and the program can set all the same.
-const MASKS: [RegisterARM; 4] = [
-    RegisterARM::PRIMASK,
-    RegisterARM::BASEPRI,
-    RegisterARM::FAULTMASK,
-    RegisterARM::CONTROL,
-];
 
 /// Processor, memory and peripherals at one moment; plain data.
 #[derive(Clone, Debug)]
@@ -75,8 +68,10 @@ impl Board {
         self.asleep = snapshot.asleep;
         self.cost = snapshot.cost;
         self.dead = None;
+        let shown = self.bus().flash.array().clone();
+        self.bus_mut().clone_from(&snapshot.bus);
+        self.show_flash(&shown);
         let machine = self.uc.get_data_mut();
-        machine.bus.clone_from(&snapshot.bus);
         machine.instructions = snapshot.instructions;
         machine.it_left = snapshot.it_left;
         machine.after_memory = snapshot.after_memory;

@@ -76,11 +76,25 @@ impl EncoderTimer {
         divider * samples
     }
 
+    /// Registers as after reset; the levels of the inputs are the encoder's.
+    pub fn reset(&mut self) {
+        *self = Self {
+            filtered: self.filtered,
+            ..Self::default()
+        };
+    }
+
+    /// New levels that nobody looks at: the ones that a program finds later.
+    pub fn settle(&mut self, phases: Phases) {
+        self.filtered = phases;
+    }
+
     /// New levels on the inputs, which stand for a number of timer clocks.
     pub fn edge(&mut self, phases: Phases, clocks: u32) {
         // Each channel must select its own input.
         let selected = self.ccmr1 & 0x0303 == 0x0101;
         if !selected {
+            self.settle(phases);
             return;
         }
         let mut seen = self.filtered;
@@ -195,6 +209,19 @@ mod tests {
         assert_eq!(timer.count(), 0xFFFD);
         walk(&mut timer, -3, 65_536 + 5, 100);
         assert_eq!(timer.count(), 5);
+    }
+
+    #[test]
+    fn a_reset_finds_the_encoder_where_it_is() {
+        let mut timer = decoder();
+        walk(&mut timer, 0, 1, 100);
+        timer.reset();
+        timer.settle(Phases::at(2));
+        timer.write(0x18, 0x3131, 0).unwrap();
+        timer.write(0x08, 3, 0).unwrap();
+        timer.write(0x00, 1, 0).unwrap();
+        walk(&mut timer, 2, 5, 100);
+        assert_eq!(timer.count(), 3);
     }
 
     #[test]

@@ -40,6 +40,12 @@ impl Gpio {
         }
     }
 
+    /// The board puts the levels of another port on the pins.
+    pub fn wire_like(&mut self, other: &Self) {
+        self.levels = other.levels;
+        self.wired = other.wired;
+    }
+
     /// Mode of a pin.
     #[must_use]
     pub fn mode(&self, pin: u32) -> Mode {

@@ -28,6 +28,11 @@ impl Power {
         self.supply = volts;
     }
 
+    /// Registers as after reset; the supply is what it is.
+    pub fn reset(&mut self) {
+        self.cr = 0;
+    }
+
     /// Output of the voltage detector.
     #[must_use]
     pub fn too_low(&self) -> bool {

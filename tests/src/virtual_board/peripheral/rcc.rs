@@ -14,6 +14,29 @@ const PLLON: u32 = 1 << 24;
 const CSSF: u32 = 1 << 7;
 const CSSC: u32 = 1 << 23;
 
+/// Bits of CSR: the low-speed oscillator is on and ready, flags are removed, and these.
+const LSION: u32 = 1;
+const RMVF: u32 = 1 << 24;
+const CAUSES: u32 = 0xFE00_0000;
+const PINRSTF: u32 = 1 << 26;
+const SFTRSTF: u32 = 1 << 28;
+const IWDGRSTF: u32 = 1 << 29;
+/// After the power came; the oscillator is off.
+const POWERED: u32 = 0x0E00_0000;
+
+/// Why the processor starts again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The power came.
+    Power,
+    /// The reset pin was low.
+    Pin,
+    /// The program asked for it.
+    Request,
+    /// The independent watchdog was not fed.
+    Watchdog,
+}
+
 /// The registers.
 #[derive(Clone, Debug)]
 pub struct Rcc {
@@ -39,7 +62,7 @@ impl Default for Rcc {
             pll_i2s: 0x2000_3000,
             resets: [0; 6],
             enables: [0x0010_0000, 0, 0, 0, 0, 0],
-            csr: 0x0E00_0000,
+            csr: POWERED,
             cir: 0,
             crystal_failed: false,
         }
@@ -47,6 +70,23 @@ impl Default for Rcc {
 }
 
 impl Rcc {
+    /// Registers as after a reset; what has caused resets is kept until the program has removed it. A crystal
+    /// that has failed does not come back.
+    pub fn reset(&mut self, cause: Cause) {
+        let caused = self.csr & CAUSES;
+        *self = Self {
+            csr: match cause {
+                Cause::Power => POWERED,
+                // Every other one pulls the pin low, too.
+                Cause::Pin => caused | PINRSTF,
+                Cause::Request => caused | PINRSTF | SFTRSTF,
+                Cause::Watchdog => caused | PINRSTF | IWDGRSTF,
+            },
+            crystal_failed: self.crystal_failed,
+            ..Self::default()
+        };
+    }
+
     /// Frequency of the processor, Hz.
     #[must_use]
     pub fn processor_hz(&self) -> u64 {
@@ -135,7 +175,7 @@ impl Peripheral for Rcc {
             0x10..0x28 => Ok(self.resets[bus(offset, 0x10)]),
             0x30..0x48 => Ok(self.enables[bus(offset, 0x30)]),
             // The internal low-speed oscillator is ready when it is on.
-            0x74 => Ok(self.csr & !0b10 | (self.csr & 1) << 1),
+            0x74 => Ok(self.csr | (self.csr & LSION) << 1),
             0x84 => Ok(self.pll_i2s),
             _ => Err(Unknown),
         }
@@ -152,7 +192,10 @@ impl Peripheral for Rcc {
             0x0C => {}
             0x10..0x28 => self.resets[bus(offset, 0x10)] = value,
             0x30..0x48 => self.enables[bus(offset, 0x30)] = value,
-            0x74 => self.csr = value,
+            0x74 => {
+                let kept = if value & RMVF == 0 { CAUSES } else { 0 };
+                self.csr = self.csr & kept | value & LSION;
+            }
             0x84 => self.pll_i2s = value,
             _ => return Err(Unknown),
         }
@@ -193,6 +236,20 @@ mod tests {
         assert_eq!(rcc.read(0x00, 0).unwrap(), 0x0303_0003);
         rcc.write(0x40, 1 << 1, 0).unwrap();
         assert!(rcc.apb1(1) && !rcc.apb1(0));
+    }
+
+    #[test]
+    fn causes_of_resets_stay_until_they_are_removed() {
+        let mut rcc = Rcc::default();
+        assert_eq!(rcc.read(0x74, 0), Ok(POWERED));
+        rcc.write(0x74, RMVF | LSION, 0).unwrap();
+        assert_eq!(rcc.read(0x74, 0), Ok(0b11));
+        rcc.reset(Cause::Watchdog);
+        rcc.write(0x74, LSION, 0).unwrap();
+        rcc.reset(Cause::Request);
+        assert_eq!(rcc.read(0x74, 0), Ok(PINRSTF | SFTRSTF | IWDGRSTF));
+        rcc.reset(Cause::Power);
+        assert_eq!(rcc.read(0x74, 0), Ok(POWERED));
     }
 
     /// Without the clock security system nobody notices; with it the processor runs on at 16 MHz.

@@ -11,8 +11,9 @@ pub struct Watchdog {
     unlocked: bool,
     prescaler: u32,
     reload: u32,
-    /// When it was last fed, in processor cycles; nothing before it is started.
-    fed: Option<u64>,
+    /// When it had so many counts left, in processor cycles; nothing before it is started.
+    since: Option<u64>,
+    left: u64,
     processor_hz: u64,
 }
 
@@ -22,20 +23,21 @@ impl Default for Watchdog {
             unlocked: false,
             prescaler: 0,
             reload: 0xFFF,
-            fed: None,
+            since: None,
+            left: 0,
             processor_hz: 16_000_000,
         }
     }
 }
 
 impl Watchdog {
-    /// The bus tells the frequency of the processor, in whose cycles time is kept. The time since it was fed
+    /// The bus tells the frequency of the processor, in whose cycles time is kept. The time that has passed
     /// stays what it is.
     pub fn set_processor_hz(&mut self, hz: u64, now: u64) {
-        if let Some(fed) = &mut self.fed
+        if let Some(since) = &mut self.since
             && hz != self.processor_hz
         {
-            *fed = now.saturating_sub((now - *fed) * hz / self.processor_hz.max(1));
+            *since = now.saturating_sub((now - *since) * hz / self.processor_hz.max(1));
         }
         self.processor_hz = hz;
     }
@@ -43,14 +45,36 @@ impl Watchdog {
     /// When it will reset the processor.
     #[must_use]
     pub fn expires(&self) -> Option<u64> {
-        let ticks = (u64::from(self.reload) + 1) << (2 + self.prescaler.min(6));
-        self.fed.map(|fed| fed + ticks * self.processor_hz / LSI)
+        let cycles = self.left * self.divider() * self.processor_hz / LSI;
+        self.since.map(|since| since + cycles)
+    }
+
+    /// Cycles of its oscillator per count.
+    fn divider(&self) -> u64 {
+        4 << self.prescaler.min(6)
+    }
+
+    /// Another prescaler: what is left is counted at another rate from now on.
+    fn set_prescaler(&mut self, prescaler: u32, now: u64) {
+        let divider = self.divider();
+        if let Some(since) = &mut self.since {
+            let per_count = (self.processor_hz * divider).max(1);
+            self.left = self.left.saturating_sub((now - *since) * LSI / per_count);
+            *since = now;
+        }
+        self.prescaler = prescaler;
+    }
+
+    /// The counter begins at the reload value.
+    fn load(&mut self, now: u64) {
+        self.since = Some(now);
+        self.left = u64::from(self.reload) + 1;
     }
 
     /// Whether it was started.
     #[must_use]
     pub fn started(&self) -> bool {
-        self.fed.is_some()
+        self.since.is_some()
     }
 }
 
@@ -68,13 +92,15 @@ impl Peripheral for Watchdog {
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), Unknown> {
         match (offset, value) {
             (0x00, 0x5555) => self.unlocked = true,
-            (0x00, 0xCCCC) => self.fed = Some(now),
+            (0x00, 0xCCCC) if self.since.is_none() => self.load(now),
             (0x00, 0xAAAA) => {
                 self.unlocked = false;
-                self.fed = self.fed.map(|_| now);
+                if self.since.is_some() {
+                    self.load(now);
+                }
             }
             (0x00, _) => self.unlocked = false,
-            (0x04, value) if self.unlocked => self.prescaler = value & 0b111,
+            (0x04, value) if self.unlocked => self.set_prescaler(value & 0b111, now),
             (0x08, value) if self.unlocked => self.reload = value & 0xFFF,
             (0x04 | 0x08, _) => {}
             _ => return Err(Unknown),
@@ -102,5 +128,29 @@ mod tests {
         assert_eq!(watchdog.expires(), Some(5 + 800_000));
         watchdog.write(0x00, 0xAAAA, 500).unwrap();
         assert_eq!(watchdog.expires(), Some(500 + 800_000));
+    }
+
+    /// As a program does that has something long to do, and is done with it.
+    #[test]
+    fn another_period_while_it_runs() {
+        let mut watchdog = Watchdog::default();
+        watchdog.set_processor_hz(32_000_000, 0);
+        watchdog.write(0x00, 0x5555, 0).unwrap();
+        watchdog.write(0x08, 99, 0).unwrap();
+        watchdog.write(0x00, 0xCCCC, 0).unwrap();
+        // 100 ticks of 4 periods; half of them are left, which now have 256.
+        assert_eq!(watchdog.expires(), Some(400_000));
+        watchdog.write(0x04, 6, 200_000).unwrap();
+        assert_eq!(watchdog.expires(), Some(200_000 + 50 * 256_000));
+        // Another reload value is for the next time it is fed; it cannot be started twice.
+        watchdog.write(0x08, 9, 300_000).unwrap();
+        watchdog.write(0x00, 0xCCCC, 300_000).unwrap();
+        assert_eq!(watchdog.expires(), Some(200_000 + 50 * 256_000));
+        watchdog.write(0x00, 0xAAAA, 300_000).unwrap();
+        assert_eq!(watchdog.expires(), Some(300_000 + 10 * 256_000));
+        watchdog.write(0x04, 0, 400_000).unwrap();
+        watchdog.write(0x00, 0x5555, 400_000).unwrap();
+        watchdog.write(0x04, 0, 428_000).unwrap();
+        assert_eq!(watchdog.expires(), Some(428_000 + 10 * 4_000));
     }
 }

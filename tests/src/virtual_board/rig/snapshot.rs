@@ -21,6 +21,7 @@ pub struct Snapshot {
     amplifier: Amplifier,
     interrupts: InterruptLine,
     log_host: LogHost,
+    resets: u32,
     switches: Switches,
     encoder_count: i64,
     owed: f64,
@@ -42,6 +43,7 @@ impl Rig {
             amplifier: self.amplifier.clone(),
             interrupts: self.interrupts.clone(),
             log_host: self.log_host,
+            resets: self.resets,
             switches: self.switches,
             encoder_count: self.encoder_count,
             owed: self.owed,
@@ -61,6 +63,7 @@ impl Rig {
         self.amplifier.clone_from(&snapshot.amplifier);
         self.interrupts.clone_from(&snapshot.interrupts);
         self.log_host = snapshot.log_host;
+        self.resets = snapshot.resets;
         self.switches = snapshot.switches;
         self.encoder_count = snapshot.encoder_count;
         self.owed = snapshot.owed;
