@@ -12,7 +12,8 @@
 //!
 //! Deterministic: there is no clock but the processor's own cycles. A register that no model
 //! knows is an error with address and program counter, never silently zero; a peripheral without
-//! its clock behaves as the hardware does (reads zero, ignores writes).
+//! its clock behaves as the hardware does (reads zero, ignores writes). What the firmware keeps in flash outlives
+//! resets and power cycles, and the power can be cut in the midst of writing it.
 //!
 //! Numbers in brackets are sections of the reference manual RM0090, unless the Armv7-M
 //! architecture reference manual is named.

@@ -11,7 +11,8 @@ use unicorn_engine::{HookType, Unicorn, uc_error};
 pub(super) const MAPPED: [u32; 2] = [FLASH, 0];
 
 /// Sends what is written to flash, which is mapped as read-only, to the interface. The processor stalls before the
-/// next instruction, or behind the IT block.
+/// next instruction, or behind the IT block. At the address of booting a write is a fault, though the part takes it:
+/// it comes of a null pointer.
 pub(super) fn hook_writes(uc: &mut Unicorn<'static, Machine>) -> Result<(), uc_error> {
     let (begin, end) = (FLASH.into(), u64::from(FLASH + FLASH_SIZE - 1));
     uc.add_mem_hook(
@@ -129,6 +130,24 @@ mod tests {
         assert_eq!(board.bus().flash.operations(), 2);
         assert_eq!(board.memory(0x1FFF_7A22, 2), 1024_u16.to_le_bytes());
         assert_eq!(board.dead(), None);
+    }
+
+    /// `ldr r0, [pc, #8]; movs r1, #0x5A; strb r1, [r0, #1]; strb r1, [r0, #2]; strh r1, [r0, #4]; b .`
+    #[test]
+    fn bytes_are_programmed_one_by_one() {
+        let code = [0x215A_4802, 0x7081_7041, 0xE7FE_8081, LAST];
+        let words = [&[0x2000_2000, 0x0800_0009], &code[..]].concat();
+        let mut board = Board::new(&Image::of_words(&words));
+        for [address, value] in UNLOCK {
+            board.bus_mut().write(address, value).unwrap();
+        }
+        board.bus_mut().write(INTERFACE + 0x10, 1).unwrap();
+        run(&mut board, 1).unwrap();
+        assert_eq!(word(&board, LAST), 0xFF5A_5AFF);
+        // A halfword is refused.
+        assert_eq!(word(&board, LAST + 4), u32::MAX);
+        assert_eq!(board.bus_mut().read(INTERFACE + 0x0C), Ok(1 << 6));
+        assert_eq!(board.bus().flash.operations(), 2);
     }
 
     #[test]
