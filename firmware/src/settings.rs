@@ -258,11 +258,11 @@ pub(crate) fn read<'b>(
     board: &Capabilities,
 ) -> Result<(Settled<LOADS, Observer>, &'b [i16]), Unfit> {
     let settled: Settled<LOADS, Observer> = header.settings(bytes)?;
-    let rows = header.rows(bytes, settled.plans.checksum)?;
     settled.settings.check().map_err(NoSet::from)?;
+    fit(&settled.settings, board).map_err(Unfit::Board)?;
+    let rows = header.rows(bytes, settled.plans.checksum)?;
     let plans = settled.plans.with_rows(rows);
     plans.check(LOADS).map_err(NoSet::from)?;
-    fit(&settled.settings, board).map_err(Unfit::Board)?;
     Ok((settled, rows))
 }
 

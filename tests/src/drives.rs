@@ -18,6 +18,16 @@ pub fn drive_with_loads(loads: usize) -> Drive {
     drive
 }
 
+/// A belt axis of 5 A: another machine, encoder and amplifier than the default drive's.
+///
+/// # Panics
+/// Where its file cannot be read.
+#[must_use]
+pub fn belt() -> Drive {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/belt-drive.toml");
+    Drive::load(Some(file.as_ref())).unwrap()
+}
+
 /// Drives that differ from the default in every way the core knows of.
 #[must_use]
 pub fn drives() -> Vec<(String, Drive)> {

@@ -21,6 +21,7 @@
 pub mod bus;
 pub mod cpu;
 pub mod harm;
+pub mod host;
 pub mod image;
 pub mod nvic;
 pub mod peripheral;

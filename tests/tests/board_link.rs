@@ -1,13 +1,11 @@
 //! The link of the release ELF on the virtual board: commanded over its serial line, and abused over it.
 #![cfg(feature = "virtual-board")]
 
-use arso_core::link::frame::{LONGEST, Receiver, frame};
-use arso_core::link::message::{
-    Answer, Answered, Ask, Asked, HELLO, Introduction, Status, TAG, VERSION, WORDS,
-};
+use arso_core::link::frame::Receiver;
+use arso_core::link::message::{Answer, Ask, Asked, HELLO, Introduction, TAG, VERSION, WORDS};
 use arso_core::request::{Reason, Request};
 use arso_core::{Mode, Place, Velocity};
-use arso_tests::virtual_board::Rig;
+use arso_tests::virtual_board::host::{Host, framed};
 use arso_tests::virtual_board::image::{Image, RAM, RAM_SIZE};
 use arso_tests::virtual_board::rig::{Period, Switches};
 use host_sim::capture::{Origin, read_defmt, read_memory};
@@ -17,140 +15,6 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
-
-/// Who sits at the other end of the line.
-struct Host {
-    rig: Rig,
-    receiver: Receiver,
-    number: u8,
-    /// What came and was not asked for.
-    telemetry: Vec<Answered<Vec<f32>>>,
-    damaged: u32,
-}
-
-fn framed<T: Serialize>(tag: u16, message: &T) -> Vec<u8> {
-    let mut buffer = [0; LONGEST];
-    frame(tag, message, &mut buffer).unwrap().to_vec()
-}
-
-impl Host {
-    /// A drive whose run switch is closed, after a while.
-    fn new() -> Self {
-        let drive = Drive::default_drive();
-        let image = Image::parse(&arso_tests::firmware()).unwrap();
-        let mut rig = Rig::start(&image, &drive, &PlantFile::from(&drive), |_| ()).unwrap();
-        rig.periods(20).unwrap();
-        Self {
-            rig,
-            receiver: Receiver::default(),
-            number: 0,
-            telemetry: Vec::new(),
-            damaged: 0,
-        }
-    }
-
-    /// One that is held where it stands, over the link.
-    fn running() -> Self {
-        let mut host = Self::new();
-        // What the switches would ask is asked only until somebody speaks.
-        assert_eq!(host.request(Request::Stop), Ok(()));
-        host.rig.switches(Switches::run(0));
-        host.periods(30);
-        assert_eq!(host.request(Request::Commission), Ok(()));
-        host.until(3000, |status| status.mode == Mode::Ready);
-        assert_eq!(host.request(Request::SetPosition(Place(0))), Ok(()));
-        assert_eq!(host.request(Request::Start), Ok(()));
-        host.periods(50);
-        host
-    }
-
-    fn send(&mut self, bytes: &[u8]) {
-        self.rig.board.bus_mut().send(bytes);
-    }
-
-    /// One control period, and what was heard in it.
-    fn period(&mut self) -> (Period, Vec<Answered<Vec<f32>>>) {
-        let period = self.rig.period().unwrap();
-        let mut frames = Vec::new();
-        for byte in self.rig.board.bus_mut().received() {
-            match self.receiver.take(byte) {
-                None => {}
-                Some(Ok(frame)) => {
-                    assert_eq!(frame.tag, TAG);
-                    frames.push(frame.message().unwrap());
-                }
-                Some(Err(_)) => self.damaged += 1,
-            }
-        }
-        (period, frames)
-    }
-
-    fn periods(&mut self, periods: usize) -> Vec<Period> {
-        let mut all = Vec::new();
-        for _ in 0..periods {
-            let (period, frames) = self.period();
-            all.push(period);
-            self.telemetry.extend(frames);
-        }
-        all
-    }
-
-    /// Sends a question and waits for its answer.
-    fn ask(&mut self, ask: Ask) -> Answer<Vec<f32>> {
-        self.number = self.number.wrapping_add(1);
-        let number = self.number;
-        self.send(&framed(TAG, &Asked { number, ask }));
-        for _ in 0..50 {
-            for heard in self.period().1 {
-                if matches!(heard.answer, Answer::Telemetry(_)) {
-                    self.telemetry.push(heard);
-                } else if heard.number == number {
-                    return heard.answer;
-                }
-            }
-        }
-        panic!("no answer to {ask:?}");
-    }
-
-    fn request(&mut self, request: Request) -> Result<(), Reason> {
-        match self.ask(Ask::Request(request)) {
-            Answer::Taken => Ok(()),
-            Answer::Refused(refusal) => {
-                assert_eq!(refusal.request, request);
-                Err(refusal.reason)
-            }
-            other => panic!("{other:?}"),
-        }
-    }
-
-    fn status(&mut self) -> Status {
-        match self.ask(Ask::Status) {
-            Answer::Status(status) => status,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    fn until(&mut self, periods: u32, done: impl Fn(&Status) -> bool) -> Status {
-        for _ in 0..periods {
-            let status = self.status();
-            if done(&status) {
-                return status;
-            }
-        }
-        panic!("{:?}", self.status());
-    }
-
-    /// Positions of all masses, as they truly are, m.
-    fn truth(&self) -> Vec<f64> {
-        self.rig
-            .plant()
-            .state()
-            .iter()
-            .step_by(2)
-            .copied()
-            .collect()
-    }
-}
 
 #[test]
 fn it_says_which_drive_it_is() {
@@ -229,6 +93,7 @@ fn a_machine_is_commanded_over_it() {
     host.number = number;
     let ask = Ask::Request(Request::MoveBy(1000));
     for _ in 0..5 {
+        let ask = ask.clone();
         host.send(&framed(TAG, &Asked { number, ask }));
         host.periods(7);
     }
