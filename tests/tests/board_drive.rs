@@ -2,14 +2,24 @@
 //! port, `host-sim`'s end of the link on the other side.
 #![cfg(feature = "virtual-board")]
 
+use arso_core::link::image::{HEADER, Header};
+use arso_core::link::message::Source;
 use arso_core::request::{Reason, Request};
 use arso_core::{Mode, Place};
+use arso_tests::drives::belt;
 use arso_tests::learning::{error_of_the_whole, learned};
+use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::error::Error;
-use host_sim::link::{Connection, Port};
+use host_sim::identify::drive_file;
+use host_sim::link::{Connection, Port, Pushed};
 use host_sim::report::record::csv;
+use host_sim::simulate::corridor::settings_image;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -35,6 +45,12 @@ impl Board {
         Self { program, port }
     }
 
+    /// Ends it in order, so that its flash is written.
+    fn switch_off(mut self) {
+        drop(self.program.stdin.take());
+        assert!(self.program.wait().unwrap().success());
+    }
+
     fn connect(&self) -> Connection {
         Connection::new(Port::open(&self.port).unwrap()).unwrap()
     }
@@ -48,6 +64,112 @@ impl Drop for Board {
 }
 
 const GO_ON: fn() -> bool = || true;
+
+/// Where a test keeps its files.
+fn scratch(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_file(&path);
+    path
+}
+
+/// The machine that a belt drive moves, which is not quite the one that its file describes: springs that are a fifth
+/// softer, and friction.
+fn belt_machine(drive: &str) -> String {
+    let mut machine = drive.to_owned();
+    for (stated, true_one) in [("30e3", "24e3"), ("20e3", "16e3"), ("15e3", "12e3")] {
+        assert!(machine.contains(stated));
+        machine = machine.replace(stated, true_one);
+    }
+    machine + "\n[friction]\ncoulomb = 1.0\n"
+}
+
+/// The firmware of the default drive becomes that of a belt drive of 5 A, moves its machine to random targets, teaches
+/// the PC by one of its moves what the machine is, and moves by that; switched off and on, it has it still.
+fn belt_drive(targets: usize) {
+    let drive = belt();
+    let design = Design::new(&drive).unwrap();
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/belt-drive.toml");
+    let text = std::fs::read_to_string(path).unwrap();
+    let machine = belt_machine(&text);
+    let (plant, flash) = (scratch("belt-machine.toml"), scratch("belt-flash.bin"));
+    std::fs::write(&plant, &machine).unwrap();
+    let arguments = [
+        "--serial",
+        "--drive",
+        path,
+        "--plant",
+        plant.to_str().unwrap(),
+        "--flash",
+        flash.to_str().unwrap(),
+    ];
+    let board = Board::start(&arguments);
+    let mut host = board.connect();
+    let set = settings_image(&design).unwrap();
+    assert_eq!(host.push(&set, |_, _| ()).unwrap(), Pushed::Kept);
+    assert_eq!(host.push(&set, |_, _| ()).unwrap(), Pushed::Known);
+    assert_eq!(host.resolution(), drive.encoder.resolution);
+    host.enable(&GO_ON).unwrap();
+
+    let mut random = ChaCha8Rng::seed_from_u64(18);
+    let tolerance = 1e-4;
+    for _ in 0..targets {
+        let target = random.random_range(-30_000..30_000);
+        let arrival = host.go(Request::Move(Place(target)), &GO_ON).unwrap();
+        assert!(arrival.time < 1.5, "{} s", arrival.time);
+        let expected = target as f64 * drive.encoder.resolution;
+        let position = f64::from(host.status().unwrap().position);
+        // Held: what is left dies away.
+        assert!(
+            (position - expected).abs() < 20.0 * tolerance,
+            "{position} for {expected}"
+        );
+    }
+
+    // A long move from rest, the last in the drive's memory.
+    host.go(Request::Move(Place(-20_000)), &GO_ON).unwrap();
+    std::thread::sleep(Duration::from_millis(600));
+    host.go(Request::Move(Place(20_000)), &GO_ON).unwrap();
+    std::thread::sleep(Duration::from_millis(600));
+    let moves = host.last_moves().unwrap();
+    let record = csv(moves.moves.last().unwrap(), &moves.origin).unwrap();
+    let found = learned(&drive, &String::from_utf8(record).unwrap()).unwrap();
+    let truth = PlantFile::parse(&machine, "machine").unwrap();
+    let error = error_of_the_whole(&found, &truth);
+    assert!(error < 0.02, "{error}");
+    let text = drive_file(&text, &found.quantities).unwrap();
+    let better = Design::new(&Drive::parse(&text, "learned").unwrap()).unwrap();
+    let better = settings_image(&better).unwrap();
+    host.request(Request::Stop).unwrap();
+    assert_eq!(host.push(&better, |_, _| ()).unwrap(), Pushed::Kept);
+    host.enable(&GO_ON).unwrap();
+    host.go(Request::MoveBy(10_000), &GO_ON).unwrap();
+    host.request(Request::Stop).unwrap();
+    drop(host);
+    board.switch_off();
+
+    let board = Board::start(&arguments);
+    let mut host = board.connect();
+    let status = host.status().unwrap();
+    assert_eq!(status.source, Source::Kept(2));
+    assert_eq!(status.fingerprint, Header::of(&better).unwrap().fingerprint);
+    let (header, said) = host.settings().unwrap();
+    assert_eq!(header.fingerprint, status.fingerprint);
+    assert_eq!(said[HEADER..], better[HEADER..said.len()]);
+    host.enable(&GO_ON).unwrap();
+    host.go(Request::MoveBy(10_000), &GO_ON).unwrap();
+}
+
+#[test]
+fn a_belt_drive_is_pushed_learned_and_pushed_again() {
+    belt_drive(10);
+}
+
+/// With a thousand targets: `cargo test -p arso-tests --features virtual-board --test board_drive -- --ignored`.
+#[test]
+#[ignore = "takes minutes: the same as above in real time with 1,000 targets"]
+fn a_belt_drive_reaches_a_thousand_targets() {
+    belt_drive(1000);
+}
 
 #[test]
 fn a_newcomer_moves_it_jogs_it_and_learns_from_it() {

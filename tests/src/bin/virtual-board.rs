@@ -1,7 +1,7 @@
 //! Runs a firmware ELF on the virtual drive board, in closed loop with a simulated machine.
 
 use arso_core::Mode;
-use arso_tests::virtual_board::image::Image;
+use arso_tests::virtual_board::image::{Image, SETTINGS};
 use arso_tests::virtual_board::rig::{Period, Switches};
 use arso_tests::virtual_board::serial::{self, Bridge, Listener};
 use arso_tests::virtual_board::{Rig, Stop};
@@ -18,7 +18,7 @@ use host_sim::simulate::scenario::{SCENARIOS, Scenario};
 use serde_json::json;
 use std::fs::File;
 use std::io::{Read, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -74,6 +74,42 @@ struct Serial {
         conflicts_with_all = ["scenario", "periods", "excite", "csv", "json"]
     )]
     tcp: Option<String>,
+    /// The flash in which the drive keeps its settings: read from there where the file is, and written there at the
+    /// end.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scenario", "periods", "excite", "csv", "json"])]
+    flash: Option<PathBuf>,
+}
+
+impl Serial {
+    fn wanted(&self) -> bool {
+        self.serial || self.tcp.is_some()
+    }
+
+    fn require_port(&self) -> Result<(), Error> {
+        if self.wanted() {
+            return Ok(());
+        }
+        Err(Error::Usage(
+            "--flash is for a board with a port: --serial or --tcp".into(),
+        ))
+    }
+}
+
+/// Puts what a board has kept into the flash of an image; where there is no file yet nothing has been kept.
+fn keep_flash(image: &mut Image, path: &Path) -> Result<(), Error> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let kept = std::fs::read(path).map_err(Error::read(path))?;
+    let flash = &mut image.flash[SETTINGS..];
+    if kept.len() != flash.len() {
+        return Err(Error::Input {
+            place: path.display().to_string(),
+            message: format!("has {} bytes, and the flash {}", kept.len(), flash.len()),
+        });
+    }
+    flash.copy_from_slice(&kept);
+    Ok(())
 }
 
 fn scenario_names() -> PossibleValuesParser {
@@ -103,10 +139,14 @@ impl Cli {
     fn run(self) -> Result<(), Error> {
         let bytes = std::fs::read(&self.elf).map_err(Error::read(&self.elf))?;
         let place = self.elf.display().to_string();
-        let image = Image::parse(&bytes).map_err(|message| Error::Input {
+        let mut image = Image::parse(&bytes).map_err(|message| Error::Input {
             place: place.clone(),
             message,
         })?;
+        if let Some(path) = &self.serial.flash {
+            self.serial.require_port()?;
+            keep_flash(&mut image, path)?;
+        }
         let drive = Drive::load(self.drive.as_deref())?;
         let plant = match &self.plant {
             None => PlantFile::from(&drive),
@@ -118,7 +158,7 @@ impl Cli {
         let stopped = |stop: Stop| Error::Simulation(stop.to_string());
         let start = Instant::now();
         let mut rig = Rig::start(&image, &drive, &plant, |_| {}).map_err(stopped)?;
-        if self.serial.serial || self.serial.tcp.is_some() {
+        if self.serial.wanted() {
             return self.serve(&mut rig, &bytes, &place, &drive);
         }
         let (title, result) = self.play(&mut rig, scenario, &drive, &plant);
@@ -221,7 +261,10 @@ impl Cli {
         rig.switch_on()
             .map_err(|stop| Error::Simulation(stop.to_string()))?;
         let capture = read_defmt(elf, place, &rig.log[..], |_| ())?;
-        require_same_drive(&capture, drive)?;
+        // It can be told over its link.
+        if let Err(error) = require_same_drive(&capture, drive) {
+            eprintln!("warning: {error}");
+        }
         for message in &capture.messages {
             eprintln!("{message}");
         }
@@ -265,7 +308,11 @@ impl Cli {
         serial::run(rig, &mut bridge, &END, log, late).map_err(|ended| match ended {
             Ended::Stop(stop) => Error::Simulation(stop.to_string()),
             Ended::Error(error) => error,
-        })
+        })?;
+        match &self.serial.flash {
+            Some(path) => write_file(path, &rig.board.flash()[SETTINGS..]),
+            None => Ok(()),
+        }
     }
 
     /// A run that a fault ended, or whose controlled mass is not within 2 % of its target, is a failed run.

@@ -6,6 +6,8 @@ use object::{Object, ObjectSymbol};
 pub const FLASH: u32 = 0x0800_0000;
 /// Size of flash, STM32F405RG.
 pub const FLASH_SIZE: u32 = 1024 * 1024;
+/// Where the flash begins in which the firmware keeps settings, from the start of flash.
+pub const SETTINGS: usize = 768 * 1024;
 /// Start of SRAM.
 pub const RAM: u32 = 0x2000_0000;
 /// Size of SRAM.
