@@ -1,20 +1,25 @@
 //! A drive with another amplifier: 5 A, 2.5 mA per code, no current at code 2080, a higher code is less current.
-//! Its firmware is built by `tests/five-amperes`.
+//! The firmware of the default drive has been told.
 #![cfg(feature = "virtual-board")]
 
 use arso_tests::virtual_board::harm::{Amplifier, Scale};
 use arso_tests::virtual_board::image::Image;
 use arso_tests::virtual_board::{Rig, Stop};
+use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
+use host_sim::simulate::corridor::settings_image;
 use host_sim::simulate::scenario::Scenario;
 
 fn start() -> (Rig, PlantFile) {
-    let directory = arso_tests::built("five-amperes");
-    let built = "run tests/five-amperes";
-    let drive = Drive::load(Some(&directory.join("drive.toml"))).expect(built);
-    let firmware = std::fs::read(directory.join("arso-firmware")).expect(built);
+    let mut drive = Drive::default_drive();
+    drive.actuator.current_limit = 5.0;
+    drive.actuator.current_resolution = 2.5e-3;
+    drive.actuator.zero_code = 2080;
+    drive.actuator.inverted = true;
+    let mut image = Image::parse(&arso_tests::firmware()).unwrap();
+    let design = Design::new(&drive).unwrap();
+    image.keep_settings(&settings_image(&design).unwrap());
     let plant = PlantFile::from(&drive);
-    let image = Image::parse(&firmware).unwrap();
     let rig = Rig::start(&image, &drive, &plant, |_| ()).unwrap();
     (rig, plant)
 }

@@ -21,7 +21,7 @@ use rand_chacha::rand_core::SeedableRng;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A virtual board in real time, which ends with this.
 struct Board {
@@ -64,6 +64,9 @@ impl Drop for Board {
 }
 
 const GO_ON: fn() -> bool = || true;
+
+/// How near to its target the actuator comes, m: 40 counts of its encoder.
+const TOLERANCE: f64 = 200e-6;
 
 /// Where a test keeps its files.
 fn scratch(name: &str) -> PathBuf {
@@ -111,18 +114,21 @@ fn belt_drive(targets: usize) {
     host.enable(&GO_ON).unwrap();
 
     let mut random = ChaCha8Rng::seed_from_u64(18);
-    let tolerance = 1e-4;
     for _ in 0..targets {
         let target = random.random_range(-30_000..30_000);
         let arrival = host.go(Request::Move(Place(target)), &GO_ON).unwrap();
         assert!(arrival.time < 1.5, "{} s", arrival.time);
+        // Held: what the wrong springs leave of the motion dies away.
         let expected = target as f64 * drive.encoder.resolution;
-        let position = f64::from(host.status().unwrap().position);
-        // Held: what is left dies away.
-        assert!(
-            (position - expected).abs() < 20.0 * tolerance,
-            "{position} for {expected}"
-        );
+        let off = |host: &mut Connection| {
+            let status = host.status().unwrap();
+            assert_eq!(status.mode, Mode::Running);
+            (f64::from(status.position) - expected).abs()
+        };
+        let patience = Instant::now() + Duration::from_secs(2);
+        while off(&mut host) > TOLERANCE {
+            assert!(Instant::now() < patience, "it does not come to {expected}");
+        }
     }
 
     // A long move from rest, the last in the drive's memory.

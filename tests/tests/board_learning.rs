@@ -1,13 +1,15 @@
 //! The whole loop on the virtual board: firmware with the wrong gains moves a machine, its log is learned from, and
-//! the firmware that is built from it moves the machine near its own limit. `tests/learn-on-board` does all but the
-//! last move.
+//! with settings made of that it moves the machine near its own limit. `tests/learn-on-board` does all but the last
+//! move.
 #![cfg(feature = "virtual-board")]
 
 use arso_tests::virtual_board::Rig;
 use arso_tests::virtual_board::image::Image;
 use host_sim::chain::controlled_mass;
+use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile, SETTLING_BAND};
 use host_sim::simulate::bound::bound;
+use host_sim::simulate::corridor::settings_image;
 use host_sim::simulate::scenario::Scenario;
 
 const PERIODS: usize = 1200;
@@ -15,9 +17,8 @@ const PERIODS: usize = 1200;
 const NEAR: f64 = 1.2;
 
 /// When the controlled mass has come to stay, s, by what the machine beside the board does.
-fn settling_time(firmware: &[u8], drive: &Drive, plant: &PlantFile) -> f64 {
-    let image = Image::parse(firmware).unwrap();
-    let mut rig = Rig::start(&image, drive, plant, |_| ()).unwrap();
+fn settling_time(image: &Image, drive: &Drive, plant: &PlantFile) -> f64 {
+    let mut rig = Rig::start(image, drive, plant, |_| ()).unwrap();
     rig.commission().unwrap();
     let scenario = Scenario::named("move").unwrap();
     rig.begin(scenario, plant).unwrap();
@@ -38,12 +39,15 @@ fn what_was_learned_moves_the_machine_near_its_limit() {
     let built = "run tests/learn-on-board";
     let plant = PlantFile::load(&directory.join("plant.toml")).expect(built);
     let learned = Drive::load(Some(&directory.join("learned.toml"))).expect(built);
-    let firmware = std::fs::read(directory.join("arso-firmware")).expect(built);
+    let firmware = Image::parse(&arso_tests::firmware()).unwrap();
+    let mut taught = firmware.clone();
+    let design = Design::new(&learned).unwrap();
+    taught.keep_settings(&settings_image(&design).unwrap());
     let scenario = Scenario::named("move").unwrap();
     let bound = bound(&learned, &plant, scenario).unwrap().settled;
 
-    let first = settling_time(&arso_tests::firmware(), &Drive::default_drive(), &plant);
-    let second = settling_time(&firmware, &learned, &plant);
+    let first = settling_time(&firmware, &Drive::default_drive(), &plant);
+    let second = settling_time(&taught, &learned, &plant);
     println!("bound {bound:.3} s, first move {first:.3} s, second {second:.3} s");
     // Otherwise there would have been nothing to learn.
     assert!(first > 1.5 * bound, "{first} {bound}");

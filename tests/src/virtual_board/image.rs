@@ -1,5 +1,6 @@
 //! The firmware's ELF: what goes where in memory, and where its symbols are.
 
+use arso_core::link::image::{HEADER, Header};
 use object::{Object, ObjectSymbol};
 
 /// Start of flash.
@@ -61,6 +62,20 @@ impl Image {
         });
         let symbols = symbols.collect();
         Ok(Self { flash, symbols })
+    }
+
+    /// The image of a drive that keeps a set of settings, its first one.
+    ///
+    /// # Panics
+    /// Where that is none, or too long.
+    pub fn keep_settings(&mut self, set: &[u8]) {
+        let header = Header {
+            serial: 1,
+            ..Header::of(set).expect("a set")
+        };
+        let slot = &mut self.flash[SETTINGS..][..set.len()];
+        slot.copy_from_slice(set);
+        slot[..HEADER].copy_from_slice(&header.bytes());
     }
 
     /// Words at the beginning of flash, without symbols.
