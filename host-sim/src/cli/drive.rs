@@ -102,8 +102,11 @@ impl DriveCommand {
         };
         let port = Port::open(name)?;
         // What goes on for a while ends in order.
-        if let Action::Enable | Action::Move(_) | Action::Jog(_) | Action::Telemetry(_) =
-            &self.action
+        if let Action::Enable
+        | Action::Move(_)
+        | Action::Jog(_)
+        | Action::Telemetry(_)
+        | Action::Watch(_) = &self.action
         {
             catch_interrupt()?;
         }

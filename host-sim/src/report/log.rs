@@ -175,6 +175,16 @@ impl<W: Write> Rows<W> {
     pub fn flush(&mut self) -> std::io::Result<()> {
         self.writer.flush()
     }
+
+    /// What was written into.
+    ///
+    /// # Errors
+    /// When what has been written cannot be passed on.
+    pub fn into_inner(self) -> std::io::Result<W> {
+        self.writer
+            .into_inner()
+            .map_err(::csv::IntoInnerError::into_error)
+    }
 }
 
 /// How long the drive was in which mode, and the range of every quantity.

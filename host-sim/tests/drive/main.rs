@@ -15,6 +15,7 @@ use host_sim::identify::{Columns, Log};
 use host_sim::link::{Connection, Port};
 use serde_json::Value;
 use simulated::{Simulated, impostor, introduction};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -212,6 +213,40 @@ fn a_jog_lasts_for_its_time_and_ends_with_its_host() {
     );
 }
 
+/// Waits until records come into an unfinished file of a folder.
+fn grown(folder: &Path) {
+    let length =
+        |entry: std::io::Result<std::fs::DirEntry>| entry.unwrap().metadata().unwrap().len();
+    let longest = || std::fs::read_dir(folder).unwrap().map(length).max();
+    while longest().unwrap_or(0) < 10_000 {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Whoever ends it, the record is whole; until then, and where no drive answers, the old one stands.
+#[test]
+fn a_record_that_is_ended_is_whole() {
+    let simulated = Simulated::running();
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("log.csv");
+    std::fs::write(&path, "old").unwrap();
+    let arguments = ["telemetry", "--csv", path.to_str().unwrap()];
+    fails("127.0.0.1:1", &arguments, 2);
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+    for signal in ["INT", "TERM", "HUP"] {
+        let host = Host::new(&simulated.port, &arguments);
+        grown(directory.path());
+        let before = std::fs::read_to_string(&path).unwrap();
+        assert!(before == "old" || parsed(&before).position.len() > 1);
+        host.send(signal);
+        let (success, error) = host.ended();
+        assert!(success, "{error}");
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.ends_with('\n') && parsed(&text).position.len() > 20);
+        std::fs::write(&path, "old").unwrap();
+    }
+}
+
 #[test]
 fn telemetry_is_what_identification_reads() {
     let simulated = Simulated::running();
@@ -225,10 +260,7 @@ fn telemetry_is_what_identification_reads() {
                 &["telemetry", "--for", "0.8", "--csv", path.to_str().unwrap()],
             )
         });
-        // Once records come.
-        while std::fs::metadata(&path).map_or(0, |found| found.len()) < 10_000 {
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        grown(directory.path());
         simulated.orders().asked = Some(Request::MoveBy(20_000));
         let (code, out, error) = host.join().unwrap();
         assert_eq!((code, out.as_str()), (0, ""), "{error}");

@@ -6,11 +6,10 @@ use crate::output::Unfinished;
 use crate::report::log::Rows;
 use crate::report::mcap::Recording;
 use crate::simulate::corridor::Record;
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// CSV that grows row by row.
+/// CSV, row by row; a file is there once it is finished.
 pub(super) struct CsvFile<W: Write> {
     path: PathBuf,
     /// Until the first record comes.
@@ -18,10 +17,17 @@ pub(super) struct CsvFile<W: Write> {
     rows: Option<Rows<W>>,
 }
 
-impl CsvFile<File> {
+impl CsvFile<Unfinished> {
     pub(super) fn create(path: &Path) -> Result<Self> {
-        let file = File::create(path).map_err(Error::write(path))?;
-        Ok(Self::new(file, path))
+        Ok(Self::new(Unfinished::create(path)?, path))
+    }
+
+    /// Puts it in its place; without any record the old file stands.
+    pub(super) fn finish(self) -> Result<()> {
+        match self.rows.map(Rows::into_inner) {
+            Some(file) => file.map_err(Error::write(&self.path))?.finish(),
+            None => Ok(()),
+        }
     }
 }
 

@@ -5,10 +5,10 @@ use super::motion::require_duration;
 use super::{Ends, go_on};
 use crate::error::{Error, Result};
 use crate::link::passed;
+use crate::output::Unfinished;
 use crate::simulate::corridor::Record;
 use clap::Args;
-use std::fs::File;
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, Stdout, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ pub(super) struct TelemetryCommand {
     /// For how long, by the drive's clock.
     #[arg(long = "for", value_name = "SECONDS")]
     duration: Option<f64>,
-    /// Where the CSV goes, row by row.
+    /// Where the CSV goes; the file is there at the end.
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Where the records go as MCAP; the file is there at the end.
@@ -48,20 +48,12 @@ impl TelemetryCommand {
     }
 
     pub(super) fn run(&self, ends: &mut Ends) -> Result<()> {
-        let (into, place): (Box<dyn Write>, &Path) = match &self.csv {
-            None if self.mcap.is_some() && !ends.json => {
-                (Box::new(std::io::sink()), Path::new("nowhere"))
-            }
-            None => (Box::new(std::io::stdout()), Path::new("standard output")),
-            Some(path) => (
-                Box::new(File::create(path).map_err(Error::write(path))?),
-                path,
-            ),
-        };
-        let mut into = if ends.json {
-            Output::Lines(into)
-        } else {
-            Output::Csv(Box::new(CsvFile::new(into, place)))
+        let place = Path::new("standard output");
+        let mut into = match &self.csv {
+            Some(path) => Output::File(Box::new(CsvFile::create(path)?)),
+            None if ends.json => Output::Lines,
+            None if self.mcap.is_some() => Output::Nowhere,
+            None => Output::Csv(Box::new(CsvFile::new(std::io::stdout(), place))),
         };
         let mcap = self.mcap.as_deref().map(McapFile::create);
         let mut mcap = mcap.transpose()?;
@@ -72,7 +64,9 @@ impl TelemetryCommand {
             }
             let added = match &mut into {
                 Output::Csv(csv) => csv.add(ends.drive.origin(), record, time),
-                Output::Lines(into) => line(into, record).map_err(Error::write(place)),
+                Output::File(csv) => csv.add(ends.drive.origin(), record, time),
+                Output::Lines => line(record).map_err(Error::write(place)),
+                Output::Nowhere => Ok(()),
             };
             match added {
                 // Its reader has gone away.
@@ -83,7 +77,11 @@ impl TelemetryCommand {
             }
         });
         // What was recorded is kept, whatever happened.
-        let finished = mcap.map_or(Ok(()), McapFile::finish);
+        let csv = match into {
+            Output::File(csv) => csv.finish(),
+            _ => Ok(()),
+        };
+        let finished = mcap.map_or(Ok(()), McapFile::finish).and(csv);
         let (taken, missed) = taken?;
         finished?;
         ends.drive.subscribe(0)?;
@@ -139,13 +137,16 @@ impl TelemetryCommand {
 
 /// Where records go.
 enum Output {
-    Csv(Box<CsvFile<Box<dyn Write>>>),
-    /// A JSON object in each line.
-    Lines(Box<dyn Write>),
+    Csv(Box<CsvFile<Stdout>>),
+    File(Box<CsvFile<Unfinished>>),
+    /// Standard output, a JSON object in each line.
+    Lines,
+    Nowhere,
 }
 
-fn line(into: &mut impl Write, record: &Record) -> std::io::Result<()> {
+fn line(record: &Record) -> std::io::Result<()> {
     let text = serde_json::to_string(record)?;
-    writeln!(into, "{text}")?;
-    into.flush()
+    let mut out = std::io::stdout();
+    writeln!(out, "{text}")?;
+    out.flush()
 }

@@ -11,10 +11,10 @@ use super::files::{CsvFile, McapFile};
 use super::{Ends, go_on};
 use crate::capture::Origin;
 use crate::error::{Error, Result};
+use crate::output::Unfinished;
 use crate::simulate::corridor::Record;
 use clap::Args;
 use model::{Model, Subject};
-use std::fs::File;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use watching::watch;
@@ -30,7 +30,7 @@ pub(super) struct WatchCommand {
     /// A record of every so manieth control period; 100 records a second without it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     every: Option<u16>,
-    /// Where the records go as CSV, row by row.
+    /// Where the records go as CSV; the file is there at the end.
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Where the records go as MCAP; the file is there at the end.
@@ -73,7 +73,8 @@ impl WatchCommand {
         });
         let watched = watch(drive, &mut model, &mut files);
         // What was recorded is kept, whatever happened.
-        let finished = files.mcap.map_or(Ok(()), McapFile::finish);
+        let csv = files.csv.map_or(Ok(()), CsvFile::finish);
+        let finished = files.mcap.map_or(Ok(()), McapFile::finish).and(csv);
         watched?;
         finished?;
         if !ends.quiet {
@@ -86,7 +87,7 @@ impl WatchCommand {
 
 /// Where records go beside the terminal.
 struct Files {
-    csv: Option<CsvFile<File>>,
+    csv: Option<CsvFile<Unfinished>>,
     mcap: Option<McapFile>,
 }
 
