@@ -40,6 +40,9 @@ use activity::{
     Stopping,
 };
 
+/// How warm the motor may be for its heat to be forgotten, as a share of what it can take.
+const COOL: f32 = 0.1;
+
 /// What the drive measures once per period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement {
@@ -168,6 +171,9 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             }
             (Request::SetPosition(place), ..) => self.encoder.set(place),
             (Request::Change, ..) => return refused(Reason::NoSettings),
+            (Request::Store, ..) if self.parts.protection.warmth(self.heat) > COOL => {
+                return refused(Reason::Warm);
+            }
             (_, _, activity) => activity.enter(next, self.encoder.place()),
         }
         self.telemetry.fault_value = 0.0;

@@ -230,6 +230,20 @@ impl<const N: usize> Protection<N> {
         }
     }
 
+    /// How warm the motor is, as a share of what it can take.
+    pub(crate) fn warmth(&self, heat: Heat) -> f32 {
+        self.thermal.warmth(heat)
+    }
+
+    /// What of the memory hangs on limits is as these have it: the machine is held, and they are others than before.
+    ///
+    /// * `stiction`, `place`: as for [`begin`](Self::begin)
+    pub(crate) fn renew(&self, memory: &mut Memory, stiction: Option<f32>, place: Option<Place>) {
+        let Memory { stall, travel, .. } = self.begin(stiction, place);
+        memory.stall.renew(&stall);
+        memory.travel = travel;
+    }
+
     /// The actuator is not to follow its plan from now on: a raw step, or a brake.
     pub(crate) fn leaves_plan(&self, memory: &mut Memory) {
         self.tracking.leaves(&mut memory.tracking);

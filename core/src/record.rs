@@ -55,6 +55,7 @@ pub const BEFORE: usize = 4;
 pub const OLDEST: usize = 13;
 /// Place in the header: how many stretches there are.
 pub const HELD: usize = 14;
+const FINGERPRINT: usize = 12;
 /// In the last word before the samples: how many there are.
 pub const SAMPLES: u32 = 0xFFFF;
 const ENDED: u32 = 1 << 16;
@@ -94,6 +95,13 @@ impl<const RING: usize> LastMoves<RING> {
             Some(place) => self.ring.get(place),
         };
         word.map(read)
+    }
+
+    /// From now on the moves are of a drive with other settings.
+    ///
+    /// * `fingerprint`: of them
+    pub fn changed(&self, fingerprint: u32) {
+        write(&self.header[FINGERPRINT], fingerprint);
     }
 
     /// All words, in their order.

@@ -71,10 +71,12 @@ pub enum Reason {
     NoSettings,
     /// They change what a drive begins with: encoder, actuator, control period, force observers, plans.
     Restart,
-    /// The machine is under way.
+    /// The machine is under way, or has not settled.
     Moving,
     /// The current would leap.
     Leap,
+    /// The motor is warm, which the reset would forget.
+    Warm,
 }
 
 impl Mode {
@@ -139,11 +141,19 @@ impl fmt::Display for Refusal {
             Reason::NoSettings => write!(f, "{request}: none were handed over, the drive is "),
             Reason::Restart => write!(
                 f,
-                "{request}: what encoder, actuator, amplifier, control period, force observers or plans are is \
-                 changed with the amplifier off only, the drive is "
+                "{request}: another encoder, actuator, amplifier, holding force, control period, force observer or plan \
+                 needs the amplifier off, the drive is "
             ),
-            Reason::Moving => write!(f, "{request}: the machine is under way, the drive is "),
+            Reason::Moving => write!(
+                f,
+                "{request}: the machine is under way or settles still, the drive is "
+            ),
             Reason::Leap => write!(f, "{request}: the current would leap, the drive is "),
+            Reason::Warm => write!(
+                f,
+                "{request}: the motor is warm, which the reset at the end would forget; ask again when it has cooled. \
+                 The drive is "
+            ),
         }?;
         match self.mode {
             Mode::Idle => f.write_str("idle"),

@@ -71,6 +71,11 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
+    /// Whether the machine rests at its target and has settled.
+    pub(crate) fn ended(&self) -> bool {
+        self.ended
+    }
+
     /// At rest under a steady force.
     ///
     /// * `coulomb`: friction as declared

@@ -132,7 +132,7 @@ fn main() -> ! {
     static mut QUEUES: Queues = Queues::new();
     static LAST_MOVES: LastMoves = LastMoves::new();
     static mut PLANS: PlanTable = PlanTable::new();
-    let (set, spare) = choose(Blank, PLANS, &Blank::CAPABILITIES);
+    let (set, kept) = choose(Blank, PLANS, &Blank::CAPABILITIES);
     let hardware = Hardware::<Blank> {
         timer: Blank,
         encoder: Blank,
@@ -143,7 +143,7 @@ fn main() -> ! {
         inputs: Blank,
         serial: Blank,
         watchdog: Blank,
-        spare,
+        kept,
     };
     if let Ok((mut control, mut idle)) = drive::new(hardware, set, QUEUES, &LAST_MOVES) {
         control.period();

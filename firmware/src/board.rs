@@ -1,5 +1,6 @@
 //! What the drive asks of a board, and what a board can do.
 
+use crate::settings::Kept;
 use arso_core::{Command, Counts, Current};
 
 /// What a board can do; the settings of a drive are held against it.
@@ -68,8 +69,8 @@ pub struct Hardware<B: Board> {
     pub serial: B::Serial,
     /// See [`Board::Watchdog`].
     pub watchdog: B::Watchdog,
-    /// See [`Board::Storage`]: what the drive may write of it.
-    pub spare: SpareOf<B>,
+    /// What is kept in [`Board::Storage`], and what of it the drive may write.
+    pub kept: Kept<SpareOf<B>>,
 }
 
 /// The timer of the control interrupt.

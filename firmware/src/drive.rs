@@ -5,13 +5,13 @@ use crate::board::{
     RunSwitch, Serial, SpareOf, Watchdog,
 };
 use crate::identity;
-use crate::keeping::{Keeping, Objection};
+use crate::keeping::{Due, Keeping, Objection};
 use crate::log::Log;
-use crate::settings::{LOADS, Observer, Set, period_us, require_fit, said};
+use crate::settings::{LOADS, Observer, Set, period_us, require_fit};
 use crate::switches::Switches;
 use arso_core::controller::Change;
 use arso_core::link::image::HEADER;
-use arso_core::link::message::{BYTES, Source};
+use arso_core::link::message::BYTES;
 use arso_core::link::server::{Numbered, Seen, Server, Task};
 use arso_core::record::{self, Course, Recorder, Scale};
 use arso_core::request::Reason;
@@ -172,7 +172,7 @@ pub fn new<B: Board>(
         requests: requests_in,
         outcomes: outcomes_out,
         changes: changes_in,
-        keeping: Keeping::new(hardware.spare, settings.sample_time),
+        keeping: Keeping::new(hardware.kept, settings.sample_time),
         mode: Mode::Idle,
         set,
     };
@@ -299,8 +299,14 @@ impl<B: Board> Idle<B> {
             while let Some((asked, outcome)) = self.outcomes.dequeue() {
                 self.outcome(asked, outcome);
             }
-            if self.keeping.period() {
-                B::restart();
+            match self.keeping.period(record.mode) {
+                Due::Nothing => {}
+                Due::Opened(number, erased) => {
+                    if let Some(number) = number {
+                        self.opened(number, erased);
+                    }
+                }
+                Due::Restart => B::restart(),
             }
             let seen = Seen {
                 course,
@@ -327,22 +333,25 @@ impl<B: Board> Idle<B> {
     /// What became of a request, and what follows from it.
     fn outcome(&mut self, asked: Numbered, outcome: Result<(), Refusal>) {
         match (asked.request, outcome) {
-            (_, Err(refusal)) => self.log.refusal(&refusal),
-            (Request::Store, Ok(())) => {
-                // From now on no current flows, whatever is asked.
-                self.watchdog.wait_for_flash();
-                if let (Err(objection), Some(number)) = (self.keeping.open(), asked.number) {
-                    return self.link.settled(number, Err(objection));
+            (request, Err(refusal)) => {
+                self.log.refusal(&refusal);
+                if request == Request::Change {
+                    let _ = self.keeping.changed();
                 }
             }
+            (Request::Store, Ok(())) => {
+                // From now on no current flows, whatever is asked. It is answered when the flash is erased.
+                self.watchdog.wait_for_flash();
+                return self.keeping.open(asked.number);
+            }
             (Request::Change, Ok(())) => {
-                if let Some(settings) = self.keeping.changed.take() {
-                    let (_, fingerprint) = said(&settings, self.set.plans);
-                    self.set.settings = settings;
-                    self.set.source = Source::Changed;
+                if let Some(settings) = self.keeping.changed() {
+                    self.set.change(settings);
                     let limit = Current(self.set.settings.limits.current_limit);
+                    let fingerprint = self.set.header.fingerprint;
                     self.link.changed(limit, fingerprint);
                     self.log.changed(fingerprint);
+                    self.last_moves.changed(fingerprint);
                 }
             }
             _ => {}
@@ -350,8 +359,21 @@ impl<B: Board> Idle<B> {
         self.link.outcome(asked, outcome);
     }
 
-    /// What the link asks.
-    fn task(&mut self, task: Task) {
+    /// The flash is erased, or was not: what `Store` waits for.
+    fn opened(&mut self, number: u8, erased: Result<(), Objection>) {
+        let asked = Numbered {
+            number: Some(number),
+            request: Request::Store,
+        };
+        match erased {
+            Ok(()) => self.link.outcome(asked, Ok(())),
+            Err(objection) => self.link.settled(number, Err(objection)),
+        }
+    }
+
+    /// What the link asks; whether that may have taken long.
+    fn task(&mut self, task: Task) -> bool {
+        let long = !matches!(task, Task::Request(_));
         match task {
             Task::Request(asked) => self.ask(asked),
             Task::Put(number, piece) => {
@@ -360,9 +382,7 @@ impl<B: Board> Idle<B> {
             }
             Task::Take(number) => match self.mode {
                 Mode::Storing => {
-                    let kept = self
-                        .keeping
-                        .keep(self.set.header().serial, &B::CAPABILITIES);
+                    let kept = self.keeping.keep(&B::CAPABILITIES);
                     self.link.settled(number, kept);
                 }
                 Mode::Running => {
@@ -377,23 +397,28 @@ impl<B: Board> Idle<B> {
                 self.link.settings(number, bytes);
             }
         }
+        long
     }
 
     /// Hands over settings that are staged; what becomes of them is said later.
     fn change(&mut self, number: u8) -> Result<(), Objection> {
-        let change = self.keeping.change(&self.set)?;
-        // One that still waits is asked for already.
-        if self.changes.enqueue(change).is_ok() {
-            let number = Some(number);
-            let request = Request::Change;
-            self.ask(Numbered { number, request });
+        // The interrupt takes both in the same period.
+        if !self.requests.ready() || !self.changes.ready() {
+            self.link.busy(number);
+            return Ok(());
         }
+        let change = self.keeping.change(&self.set, &B::CAPABILITIES)?;
+        // There is room for either.
+        let _ = self.changes.enqueue(change);
+        let number = Some(number);
+        let request = Request::Change;
+        self.ask(Numbered { number, request });
         Ok(())
     }
 
     /// Bytes of the present settings, header first.
     fn said(&self, at: usize) -> Vec<u8, BYTES> {
-        let header = self.set.header().bytes();
+        let header = self.set.header.bytes();
         let mut bytes: Vec<u8, BYTES> = Vec::new();
         // There is room for either.
         let _ = bytes.extend_from_slice(header.get(at..).unwrap_or_default());
@@ -413,8 +438,11 @@ impl<B: Board> Idle<B> {
                 break;
             };
             let last_moves = self.last_moves;
-            if let Some(task) = self.link.take(byte, |place| last_moves.word(place)) {
-                self.task(task);
+            // One that takes long is the last of this turn.
+            if let Some(task) = self.link.take(byte, |place| last_moves.word(place))
+                && self.task(task)
+            {
+                break;
             }
         }
         if self.serial.send(self.link.waiting()) {
@@ -426,8 +454,8 @@ impl<B: Board> Idle<B> {
     fn ask(&mut self, asked: Numbered) {
         if self.requests.enqueue(asked).is_err() {
             defmt::warn!("a request was lost: the control interrupt takes none");
-            if asked.number.is_some() {
-                self.link.busy();
+            if let Some(number) = asked.number {
+                self.link.busy(number);
             }
         }
     }

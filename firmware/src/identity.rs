@@ -6,12 +6,11 @@ use arso_core::link::message::{Introduction, TAG, VERSION};
 
 /// Which drive this is.
 pub(crate) fn identity(set: &Set) -> Identity<'static> {
-    let header = set.header();
     Identity {
-        kind: header.kind(),
+        kind: set.header.kind(),
         loads: LOADS as u8,
         sample_time: set.settings.sample_time,
-        fingerprint: header.fingerprint,
+        fingerprint: set.header.fingerprint,
     }
 }
 

@@ -11,7 +11,7 @@
 //! the encoder may have been missed.
 
 use crate::board::{Capabilities, Spare};
-use crate::settings::{DriveSettings, LOADS, Observer, Set, Unfit, read};
+use crate::settings::{DriveSettings, Kept, LOADS, Observer, Set, Unfit, fit, read};
 use arso_core::controller::Change;
 use arso_core::link::image::{HEADER, Header, NoSet};
 use arso_core::link::message::Piece;
@@ -23,19 +23,47 @@ use heapless::Vec;
 const STAGED: usize = 4096;
 /// For how long nothing may come before the drive gives up and resets itself, s.
 const SILENCE: f32 = 5.0;
-/// How long the last answer has to leave, s.
-const PARTING: f32 = 0.05;
+/// How long the watchdog may take to heed that it is to wait longer, s: some cycles of its own oscillator, prescaled.
+const HEEDED: f32 = 0.1;
+/// How long the drive goes on after its last answer, so that it can be asked once more for one that was lost, s.
+const PARTING: f32 = 0.7;
 
 /// Settings that come.
 pub(crate) struct Keeping<S> {
     spare: S,
+    /// Largest serial number that is kept.
+    newest: u32,
     staged: Vec<u8, STAGED>,
-    /// Control periods until the reset; none while the drive does not store.
-    left: Option<u32>,
+    state: State,
+    /// Control periods of the times above.
     silence: u32,
+    heeded: u32,
     parting: u32,
-    /// What is to run from the next period on, and what becomes of the set then.
-    pub(crate) changed: Option<DriveSettings>,
+    /// What runs from the change on that the interrupt has not taken yet.
+    changed: Option<DriveSettings>,
+}
+
+/// How far the drive that stores has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// It does not.
+    Nothing,
+    /// The sector is erased in so many periods, and the question of that number is answered then.
+    Opening(u32, Option<u8>),
+    /// Pieces are awaited for so many periods.
+    Open(u32),
+    /// All is said: the reset is due in so many periods.
+    Parting(u32),
+}
+
+/// What is to be done after a control period.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Due {
+    Nothing,
+    /// To answer the question that began it.
+    Opened(Option<u8>, Result<(), Objection>),
+    /// To reset the processor.
+    Restart,
 }
 
 /// Why what came is not taken.
@@ -59,11 +87,11 @@ impl fmt::Display for Objection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Mode => "settings are taken after `store`, or by a drive that runs",
-            Self::Order => "a piece of the settings is missing",
+            Self::Order => "a piece of the settings is missing before this one",
             Self::Room => "the settings are longer than what the drive has room for",
             Self::Flash => "the flash could not be written",
             Self::Restart => {
-                "amplifier and plans are changed with the amplifier off only: disable the drive"
+                "another amplifier or other planned moves need the amplifier off: disable the drive before"
             }
             Self::Unfit(error) => return error.fmt(f),
         })
@@ -83,42 +111,39 @@ impl From<Unfit> for Objection {
 }
 
 impl<S: Spare> Keeping<S> {
-    pub(crate) fn new(spare: S, sample_time: f32) -> Self {
+    pub(crate) fn new(kept: Kept<S>, sample_time: f32) -> Self {
         // The casts saturate.
-        let periods = |time: f32| (time / sample_time) as u32;
+        let periods = |time: f32| (time / sample_time) as u32 + 1;
         Self {
-            spare,
+            spare: kept.spare,
+            newest: kept.newest,
             staged: Vec::new(),
-            left: None,
+            state: State::Nothing,
             silence: periods(SILENCE),
+            heeded: periods(HEEDED),
             parting: periods(PARTING),
             changed: None,
         }
     }
 
-    /// The drive stores from now on: what the spare slot held goes.
-    pub(crate) fn open(&mut self) -> Result<(), Objection> {
-        let erased = self.spare.erase();
+    /// The drive stores from now on: what the spare slot held goes, once the watchdog waits for it.
+    ///
+    /// * `number`: of the question to be answered then
+    pub(crate) fn open(&mut self, number: Option<u8>) {
         self.staged.clear();
-        // Counted from now on: the processor stood still.
-        self.left = Some(self.silence);
-        erased.map_err(|_| Objection::Flash)
+        self.state = State::Opening(self.heeded, number);
     }
 
     /// Takes a piece of a set. The same piece once more changes nothing.
     pub(crate) fn put(&mut self, mode: Mode, piece: &Piece) -> Result<(), Objection> {
         let (at, bytes) = (piece.at as usize, piece.bytes.as_slice());
-        match mode {
-            Mode::Running => self.stage(at, bytes),
-            Mode::Storing if at == 0 => {
-                self.left = Some(self.silence);
-                if bytes.len() != HEADER {
-                    return Err(Objection::Order);
+        match (mode, self.state) {
+            (Mode::Running, _) => self.stage(at, bytes),
+            (Mode::Storing, State::Open(_)) => {
+                self.state = State::Open(self.silence);
+                if at == 0 && bytes.len() == HEADER {
+                    return self.stage(0, bytes);
                 }
-                self.stage(0, bytes)
-            }
-            Mode::Storing => {
-                self.left = Some(self.silence);
                 if at < HEADER || self.staged.len() != HEADER {
                     return Err(Objection::Order);
                 }
@@ -142,24 +167,26 @@ impl<S: Spare> Keeping<S> {
         staged.map_err(|_| Objection::Room)
     }
 
-    /// Keeps the set that was written, and lets the drive reset itself.
-    ///
-    /// * `serial`: of the set that the drive runs with
-    pub(crate) fn keep(&mut self, serial: u32, board: &Capabilities) -> Result<(), Objection> {
-        self.left = Some(self.parting);
+    /// Keeps the set that was written, or puts away what is kept where the header is of nothing, and lets the drive
+    /// reset itself.
+    pub(crate) fn keep(&mut self, board: &Capabilities) -> Result<(), Objection> {
+        self.state = State::Parting(self.parting);
         let header = Header {
-            serial: serial.wrapping_add(1),
+            serial: self.newest.saturating_add(1),
             ..Header::of(&self.staged)?
         };
-        read(&header, self.spare.read(), board)?;
+        if !header.is_of_nothing() {
+            read(&header, self.spare.read(), board)?;
+        }
         let written = self.spare.write(0, &header.bytes());
         written.map_err(|_| Objection::Flash)
     }
 
-    /// The set that is staged, for a drive that runs with another one.
+    /// The set that is staged, for a drive that runs with another one: what it is to do from now on.
     pub(crate) fn change(
         &mut self,
         set: &Set,
+        board: &Capabilities,
     ) -> Result<Change<'static, LOADS, Observer>, Objection> {
         let header = Header::of(&self.staged)?;
         let settled = header.settings::<LOADS, Observer>(&self.staged)?;
@@ -167,17 +194,33 @@ impl<S: Spare> Keeping<S> {
         if !settled.plans.are(&set.plans) || settings.amplifier != set.settings.amplifier {
             return Err(Objection::Restart);
         }
+        fit(&settings, board).map_err(Unfit::Board)?;
         let change = Change::new(&settings, set.plans).map_err(NoSet::from)?;
         self.changed = Some(settings);
         Ok(change)
     }
 
-    /// A control period; whether the processor is to be reset.
-    pub(crate) fn period(&mut self) -> bool {
-        let Some(left) = &mut self.left else {
-            return false;
-        };
-        *left = left.saturating_sub(1);
-        *left == 0
+    /// The settings of the change that the interrupt has taken, or has not.
+    pub(crate) fn changed(&mut self) -> Option<DriveSettings> {
+        self.changed.take()
+    }
+
+    /// A control period.
+    pub(crate) fn period(&mut self, mode: Mode) -> Due {
+        match &mut self.state {
+            // Whoever asked for it has not been heard.
+            State::Nothing if mode == Mode::Storing => self.open(None),
+            State::Nothing => {}
+            State::Opening(0, number) => {
+                let number = *number;
+                let erased = self.spare.erase().map_err(|_| Objection::Flash);
+                // Counted from now on: the processor stood still.
+                self.state = State::Open(self.silence);
+                return Due::Opened(number, erased);
+            }
+            State::Open(0) | State::Parting(0) => return Due::Restart,
+            State::Opening(left, _) | State::Open(left) | State::Parting(left) => *left -= 1,
+        }
+        Due::Nothing
     }
 }

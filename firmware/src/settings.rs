@@ -10,7 +10,6 @@
 //! loads and the form of the observer are the firmware's.
 
 use crate::board::{Capabilities, Slot, Storage};
-use arso_core::amplifier::Amplifier;
 use arso_core::link::frame::CHECKSUM;
 use arso_core::link::image::{Header, NoSet, PlanTable, Settled};
 use arso_core::link::message::Source;
@@ -144,48 +143,43 @@ pub struct Set {
     pub settings: DriveSettings,
     /// The plans.
     pub plans: Plans<'static>,
-    /// Whether the drive is rotary.
-    pub rotary: bool,
     /// What it can play.
     pub excitation: Option<Excitation>,
     /// Where they are from.
     pub source: Source,
+    /// Header of the set, as if it were sent.
+    pub header: Header,
 }
 
 impl Set {
     fn compiled_in(source: Source) -> Self {
+        let (settings, fingerprint) = said(&GAINS, PLANS);
         Self {
             settings: GAINS,
             plans: PLANS,
-            // Both are names that the design writes.
-            rotary: matches!(KIND.as_bytes(), b"rotary"),
             excitation: Some(EXCITATION),
             source,
-        }
-    }
-
-    /// How the amplifier reads the converter.
-    #[must_use]
-    pub fn amplifier(&self) -> Amplifier {
-        self.settings.amplifier
-    }
-
-    /// Header of the set, as if it were sent.
-    #[must_use]
-    pub fn header(&self) -> Header {
-        let (length, fingerprint) = said(&self.settings, self.plans);
-        Header {
-            form: <Observer as StateObserver<LOADS>>::FORM,
-            loads: LOADS as u8,
-            rotary: self.rotary,
-            serial: match self.source {
-                Source::Kept(serial) => serial,
-                _ => 0,
+            header: Header {
+                form: <Observer as StateObserver<LOADS>>::FORM,
+                loads: LOADS as u8,
+                // Both are names that the design writes.
+                rotary: matches!(KIND.as_bytes(), b"rotary"),
+                serial: 0,
+                settings,
+                rows: size_of_val(PLANS.rows) as u32,
+                fingerprint,
             },
-            settings: length,
-            rows: size_of_val(self.plans.rows) as u32,
-            fingerprint,
         }
+    }
+
+    /// The drive goes on with other settings.
+    pub(crate) fn change(&mut self, settings: DriveSettings) {
+        let (length, fingerprint) = said(&settings, self.plans);
+        self.settings = settings;
+        self.source = Source::Changed;
+        self.excitation = None;
+        self.header.settings = length;
+        self.header.fingerprint = fingerprint;
     }
 
     /// Some bytes of the serialised form, from a place on.
@@ -266,6 +260,14 @@ pub(crate) fn read<'b>(
     Ok((settled, rows))
 }
 
+/// What is kept.
+pub struct Kept<S> {
+    /// The slot that may be written.
+    pub spare: S,
+    /// Largest serial number in either slot.
+    pub newest: u32,
+}
+
 /// The newer of the sets that are kept, of those that can be run, or what is compiled in.
 ///
 /// * `table`: where the plans of the set lie from then on, but for their rows, which are read where they are kept
@@ -273,26 +275,31 @@ pub fn choose<S: Storage>(
     storage: S,
     table: &'static mut PlanTable,
     board: &Capabilities,
-) -> (Set, S::Spare) {
-    let of = |slot| {
-        let bytes = storage.read(slot);
-        let header = Header::of(bytes)?;
-        Ok::<_, Unfit>((header, read(&header, bytes, board)?.0))
-    };
-    let mut best: Option<(Slot, Header, Settled<LOADS, Observer>)> = None;
-    let mut source = Source::CompiledIn;
+) -> (Set, Kept<S::Spare>) {
+    let mut best: Option<(Slot, Header, Option<Settled<LOADS, Observer>>)> = None;
+    let (mut newest, mut source) = (0, Source::CompiledIn);
     for slot in [Slot::First, Slot::Second] {
-        match of(slot) {
+        let bytes = storage.read(slot);
+        let of = |header: Header| {
+            newest = header.serial.max(newest);
+            let settled = if header.is_of_nothing() {
+                None
+            } else {
+                Some(read(&header, bytes, board)?.0)
+            };
+            Ok((header, settled))
+        };
+        match Header::of(bytes).map_err(Unfit::from).and_then(of) {
+            // Nothing was ever kept there.
+            Err(Unfit::NoSet(NoSet::Missing)) => {}
             Ok((header, settled)) => {
-                let older = best.as_ref().is_none_or(|(_, best, _)| {
-                    // Numbers wrap after four thousand million sets.
-                    header.serial.wrapping_sub(best.serial) <= u32::MAX / 2
-                });
-                if older {
+                let newer = best
+                    .as_ref()
+                    .is_none_or(|(_, best, _)| header.serial >= best.serial);
+                if newer {
                     best = Some((slot, header, settled));
                 }
             }
-            Err(Unfit::NoSet(NoSet::Missing)) => {}
             Err(error) => {
                 source = Source::Fallback;
                 defmt::warn!(
@@ -303,19 +310,24 @@ pub fn choose<S: Storage>(
             }
         }
     }
-    let Some((slot, header, settled)) = best else {
-        let (_, spare) = storage.divide(None);
-        return (Set::compiled_in(source), spare);
+    let used = best.as_ref().map(|(slot, ..)| *slot);
+    let (bytes, spare) = storage.divide(used);
+    let kept = Kept { spare, newest };
+    let (header, settled) = match best {
+        Some((_, header, Some(settled))) => (header, settled),
+        // Those that are kept were put away.
+        Some((_, _, None)) => return (Set::compiled_in(Source::CompiledIn), kept),
+        None => return (Set::compiled_in(source), kept),
     };
-    let (bytes, spare) = storage.divide(Some(slot));
     *table = settled.plans;
     let rows = header.rows(bytes, table.checksum).unwrap_or_default();
+    let own = header.fingerprint == said(&GAINS, PLANS).1;
     let set = Set {
         settings: settled.settings,
         plans: table.with_rows(rows),
-        rotary: header.rotary,
-        excitation: None,
+        excitation: own.then_some(EXCITATION),
         source: Source::Kept(header.serial),
+        header,
     };
-    (set, spare)
+    (set, kept)
 }

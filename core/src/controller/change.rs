@@ -1,9 +1,10 @@
 //! Other settings for a drive that runs: between two control periods, and without a leap of the current.
 //!
-//! What an estimate or a place means stays what it is: encoder, actuator, control period, force observers and plans
-//! are those of the drive. Gains, state observer, friction and limits may change, while the machine is held at a
-//! target: the estimates go on as they are, and the feedback may differ by no more than [`LEAP`] of the current
-//! limit.
+//! What an estimate or a place means stays what it is: encoder, actuator, holding force, control period, force observers
+//! and plans are those of the drive. Gains, state observer, friction and limits may change, while the machine is held
+//! at a target and has settled: the estimates and the friction that was learned go on as they are, and the feedback may
+//! differ by no more than [`LEAP`] of the current limit. Whether the loop is stable with the new gains is for the
+//! design to know; the protection goes on with the new limits.
 
 use super::{Activity, Controller, Parts, Running};
 use crate::check::SettingsError;
@@ -48,14 +49,33 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         }
         self.parts.clone_from(parts);
         self.copy.clone_from(parts);
+        // It was made for the settings before.
+        self.excitation = None;
+        let place = self.encoder.is_set().then(|| self.encoder.place());
+        if let Activity::Running(Running {
+            memory: Some(memory),
+            ..
+        }) = &mut self.activity
+        {
+            let protection = &self.parts.protection;
+            protection.renew(&mut memory.protection, self.stiction, place);
+        }
         Ok(())
     }
 
     fn may_change(&self, parts: &Parts<'p, N, O>) -> Result<(), Reason> {
         let own = &self.parts;
-        let alike = (own.encoder, own.sample_time, own.actuator)
-            == (parts.encoder, parts.sample_time, parts.actuator)
-            && own.disturbance == parts.disturbance
+        let alike = (
+            own.encoder,
+            own.sample_time,
+            own.actuator,
+            own.holding_force,
+        ) == (
+            parts.encoder,
+            parts.sample_time,
+            parts.actuator,
+            parts.holding_force,
+        ) && own.disturbance == parts.disturbance
             && own.reaction_force == parts.reaction_force
             && own.moves.same(&parts.moves);
         if !alike {
@@ -69,7 +89,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         else {
             return Err(Reason::Moving);
         };
-        if !memory.moves.rests() {
+        if !memory.moves.rests() || !memory.standstill.ended() {
             return Err(Reason::Moving);
         }
         let [before, after] = [own, parts].map(|p| p.regulator.step(&memory.difference).0);

@@ -1099,7 +1099,8 @@ fn what_would_leap_or_means_something_else_is_refused() {
     let slower = change::Change::new(&settings(), COPY).unwrap();
     assert_eq!(reason(controller.change(&slower)), Reason::Restart);
     // 2 mm off, a gain twice as large is 60 mA more, of which 20 mA may be.
-    hold(&mut controller, count.wrapping_add(2000), 20);
+    hold(&mut controller, count.wrapping_add(2000), 5);
+    assert_eq!(controller.mode(), Mode::Running);
     let stiffer = other(|settings| settings.regulator.actuator.position = 60.0);
     assert_eq!(reason(controller.change(&stiffer)), Reason::Leap);
     // Nor may the limit cut what is commanded.

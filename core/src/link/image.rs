@@ -17,7 +17,8 @@
 //! | 7 | CRC-32 (ISO-HDLC) of the words before |
 //!
 //! Settings and plans say in turn which checksum the rows have. Whoever writes a set into flash writes the header
-//! last: a set that was cut off anywhere has none, or one that does not hold.
+//! last: a set that was cut off anywhere has none, or one that does not hold. A header of no bytes stands for the settings
+//! that are compiled in.
 
 use super::frame::CHECKSUM;
 use crate::check::SettingsError;
@@ -33,6 +34,8 @@ use serde::{Deserialize, Serialize};
 pub const HEADER: usize = 32;
 /// Version of the serialised form of settings and plans: a new one for every change of their fields.
 pub const LAYOUT: u16 = 1;
+/// Bytes that a drive keeps a set in.
+pub const ROOM: usize = 128 * 1024;
 /// Most displacements that a set can have.
 pub const DISPLACEMENTS: usize = 128;
 
@@ -62,7 +65,7 @@ pub struct Header {
 pub enum NoSet {
     /// There is none.
     Missing,
-    /// A checksum does not hold, or bytes are missing.
+    /// A checksum does not hold, bytes are missing, or there are too many displacements.
     Damaged,
     /// It was written by a program of another version.
     Layout(u16),
@@ -165,6 +168,26 @@ impl Header {
             rows,
             fingerprint,
         })
+    }
+
+    /// One that stands for the settings that are compiled in.
+    #[must_use]
+    pub fn of_nothing() -> Self {
+        Self {
+            form: 0,
+            loads: 0,
+            rotary: false,
+            serial: 0,
+            settings: 0,
+            rows: 0,
+            fingerprint: 0,
+        }
+    }
+
+    /// Whether it stands for the settings that are compiled in.
+    #[must_use]
+    pub fn is_of_nothing(&self) -> bool {
+        self.settings == 0
     }
 
     /// `"linear"` or `"rotary"`.
@@ -431,10 +454,9 @@ mod tests {
             .filter(|word| word.len() > 1)
             .flat_map(|word| [word, " "])
             .collect();
-        assert_eq!(
-            (LAYOUT, CHECKSUM.checksum(fields.as_bytes())),
-            (1, 3001040241),
-            "{fields}"
-        );
+        // And the numbers as they are written.
+        let written = postcard::to_allocvec(&settled.settings).unwrap();
+        let sums = [fields.as_bytes(), &written].map(|bytes| CHECKSUM.checksum(bytes));
+        assert_eq!((LAYOUT, sums), (1, [3001040241, 1208059271]), "{fields}");
     }
 }

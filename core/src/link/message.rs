@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Firmware and PC compile this very file. An answer carries the number of its question; telemetry that was
-//! subscribed to comes by itself. The drive carries a question out once: the same number again gets the same
-//! answer again and nothing else.
+//! subscribed to comes by itself. The drive carries a request out once: the same number again gets the same
+//! answer again and nothing else. Settings that come again are taken again, which changes nothing.
 //!
 //! **Versions.** Each frame begins with a tag, drawn from the schema of all messages. Frames of another tag are
 //! not read, whatever they say, but for tag [`HELLO`], whose two messages stay as they are for ever: an empty

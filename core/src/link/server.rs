@@ -18,7 +18,7 @@
 use super::frame::{LONGEST, Receiver, frame};
 use super::message::{
     Answer, Answered, Ask, Asked, BYTES, FAULTS, HELLO, Introduction, PastFault, Piece, Source,
-    Status, TAG, WORDS,
+    Status, TAG, WORDING, WORDS,
 };
 use crate::mode::Mode;
 use crate::record::Course;
@@ -133,6 +133,7 @@ impl<const N: usize> Server<N> {
         self.status.current_limit = current_limit.0;
         self.status.source = Source::Changed;
         self.status.fingerprint = fingerprint;
+        self.introduction.fingerprint = fingerprint;
     }
 
     /// Whether the link commands the drive: somebody has spoken since the reset.
@@ -219,23 +220,31 @@ impl<const N: usize> Server<N> {
         None
     }
 
-    /// The request that [`take`](Self::take) has given last cannot be put to the drive now.
-    pub fn busy(&mut self) {
-        if let Some((asked, None)) = self.last {
+    /// What was asked under that number cannot be put to the drive now.
+    pub fn busy(&mut self, number: u8) {
+        self.forget(number);
+        self.say(number, Answer::Busy);
+    }
+
+    /// A request whose outcome is not awaited: asked again, it is another one.
+    fn forget(&mut self, number: u8) {
+        if let Some((last, None)) = self.last
+            && last.number == Some(number)
+        {
             self.last = None;
-            self.say(asked.number.unwrap_or_default(), Answer::Busy);
         }
     }
 
-    /// What became of settings that came; an objection is said in words, as far as there is room.
+    /// What became of settings that came; an objection is said in words.
     pub fn settled<E: fmt::Display>(&mut self, number: u8, taken: Result<(), E>) {
+        self.forget(number);
         let answer = match taken {
             Ok(()) => Answer::Taken,
             Err(objection) => {
-                let mut words = String::new();
-                // What was written before the room was used up stays.
+                let mut words = Words(String::new());
+                // As much of it as there is room for.
                 let _ = write!(words, "{objection}");
-                Answer::Objection(words)
+                Answer::Objection(words.0)
             }
         };
         self.say(number, answer);
@@ -355,6 +364,17 @@ impl<const N: usize> Server<N> {
     /// The line has taken all that [`waiting`](Self::waiting) gave.
     pub fn taken(&mut self) {
         self.waiting.clear();
+    }
+}
+
+/// A sentence that is cut where there is no more room.
+struct Words(String<WORDING>);
+
+impl Write for Words {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let mut letters = text.chars();
+        let whole = letters.all(|letter| self.0.push(letter).is_ok());
+        if whole { Ok(()) } else { Err(fmt::Error) }
     }
 }
 
@@ -552,7 +572,7 @@ mod tests {
         server.taken();
         assert!(ask(&mut server, 9, Ask::Request(Request::Halt)).is_some());
         // What could not be put to the drive may come again.
-        server.busy();
+        server.busy(9);
         assert_eq!(answer(&mut server), Answer::Busy);
         assert!(ask(&mut server, 9, Ask::Request(Request::Halt)).is_some());
     }

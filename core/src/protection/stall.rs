@@ -51,6 +51,13 @@ pub(super) struct Memory {
     patience: u32,
 }
 
+impl Memory {
+    /// With the limits of another one.
+    pub(super) fn renew(&mut self, other: &Self) {
+        (self.limit, self.patience) = (other.limit, other.patience);
+    }
+}
+
 impl Stall {
     /// * `stiction`, `of_a_count`: the most of it, and what one count looks like, N
     /// * `total_mass`: of actuator and loads, kg

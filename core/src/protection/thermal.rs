@@ -37,6 +37,11 @@ impl Thermal {
         *heat += self.gain * (current.0 * current.0 - *heat);
     }
 
+    /// How warm the motor is, as a share of what it can take.
+    pub(super) fn warmth(self, heat: Heat) -> f32 {
+        heat / self.limit
+    }
+
     /// Whether the motor has become too hot.
     pub(super) fn judge(self, heat: Heat) -> Result<(), Trip> {
         if heat <= self.limit {

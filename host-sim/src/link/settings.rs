@@ -11,7 +11,7 @@ use super::Connection;
 use crate::error::{Error, Result};
 use arso_core::Mode;
 use arso_core::link::image::{HEADER, Header};
-use arso_core::link::message::{Answer, Ask, BYTES, Piece, Source};
+use arso_core::link::message::{Answer, Ask, BYTES, Piece, Source, Status};
 use arso_core::request::Request;
 use std::time::{Duration, Instant};
 
@@ -19,6 +19,8 @@ use std::time::{Duration, Instant};
 const ERASED: Duration = Duration::from_secs(1);
 const ERASE_TRIES: usize = 8;
 const RESTARTED: Duration = Duration::from_secs(10);
+/// How often a drive that stores is looked at.
+const AGAIN: Duration = Duration::from_millis(100);
 
 /// What became of settings that were sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,26 +60,68 @@ impl Connection {
             // The plans that it has remain, and with them their rows.
             let settings = set.get(..header.first_row()).unwrap_or(set);
             self.send_pieces(settings, progress)?;
-            self.take()?;
+            self.taken(Ask::Take)?;
+            self.greet_again()?;
             return Ok(Pushed::Changed);
+        }
+        self.store(set, progress)?;
+        if self.introduction().fingerprint == header.fingerprint {
+            return Ok(Pushed::Kept);
+        }
+        Err(Error::Drive(
+            "the drive has begun anew without the settings that were sent: its log says why".into(),
+        ))
+    }
+
+    /// Lets the drive go back to the settings that are compiled into its firmware; the amplifier must be off. Whether
+    /// it ran with others.
+    ///
+    /// # Errors
+    /// [`Error::Refused`]; [`Error::Drive`] where it does not; [`Error::Link`].
+    pub fn forget_settings(&mut self) -> Result<bool> {
+        if self.status()?.source == Source::CompiledIn {
+            return Ok(false);
+        }
+        self.store(&Header::of_nothing().bytes(), |_, _| ())?;
+        match self.status()?.source {
+            Source::CompiledIn => Ok(true),
+            _ => Err(Error::Drive(
+                "the drive has begun anew and runs with what it keeps still".into(),
+            )),
+        }
+    }
+
+    /// Lets the drive keep a set, and greets it when it has begun anew.
+    fn store(&mut self, set: &[u8], progress: impl Fn(usize, usize)) -> Result<()> {
+        let patience = Instant::now() + RESTARTED;
+        // What a host before this one has begun ends by itself.
+        while self.status()?.mode == Mode::Storing && Instant::now() < patience {
+            std::thread::sleep(AGAIN);
         }
         match self.ask_within(Ask::Request(Request::Store), ERASED, ERASE_TRIES)? {
             Answer::Taken => {}
             other => return Err(refused(other)),
         }
         self.send_pieces(set, progress)?;
-        self.take()?;
-        let until = Instant::now() + RESTARTED;
-        while self.introduction().fingerprint != header.fingerprint {
-            if Instant::now() > until {
-                return Err(Error::Drive(
-                    "the drive has begun anew without the settings that were sent: its log says why".into(),
-                ));
+        self.taken(Ask::Take)?;
+        let patience = Instant::now() + RESTARTED;
+        loop {
+            std::thread::sleep(AGAIN);
+            let greeted = self.greet_again().and_then(|()| self.status());
+            match greeted {
+                // It has not begun anew yet.
+                Ok(Status {
+                    mode: Mode::Storing,
+                    ..
+                }) => {}
+                Ok(_) => return Ok(()),
+                Err(error) if Instant::now() > patience => return Err(error),
+                Err(_) => {}
             }
-            std::thread::sleep(Duration::from_millis(100));
-            self.greet_again()?;
+            if Instant::now() > patience {
+                return Err(Error::Drive("the drive does not begin anew".into()));
+            }
         }
-        Ok(Pushed::Kept)
     }
 
     fn send_pieces(&mut self, set: &[u8], progress: impl Fn(usize, usize)) -> Result<()> {
@@ -93,10 +137,6 @@ impl Connection {
             progress(at, set.len());
         }
         Ok(())
-    }
-
-    fn take(&mut self) -> Result<()> {
-        self.taken(Ask::Take)
     }
 
     fn taken(&mut self, ask: Ask) -> Result<()> {

@@ -10,7 +10,7 @@ use crate::design::{Design, gains_file::gains_file};
 use crate::drive::{MAX_LOADS, Observer};
 use crate::error::{self, Error};
 use crate::machine::Kind;
-use arso_core::link::image::{DISPLACEMENTS, Header, NoSet, Settled};
+use arso_core::link::image::{DISPLACEMENTS, Header, NoSet, ROOM, Settled};
 use arso_core::observer::{Anchored, LinearObserver, Reaction, StateObserver};
 use arso_core::{
     Command, Controller, Excitation, Measurement, Refusal, Request, SettingsError, Telemetry,
@@ -177,6 +177,12 @@ pub fn settings_image(design: &Design) -> error::Result<Vec<u8>> {
         rows: rows.len() as u32,
         fingerprint: CHECKSUM.checksum(&settings),
     };
+    if header.length() > ROOM {
+        return Err(Error::Design(format!(
+            "the planned moves take {} bytes, and a drive keeps {ROOM} with all its settings: reduce `motion.table`",
+            rows.len()
+        )));
+    }
     let mut image = header.bytes().to_vec();
     image.extend(settings);
     image.resize(header.first_row(), 0);

@@ -333,9 +333,14 @@ impl Board {
                     Some(Task::Request(asked)) => Some(asked),
                     _ => None,
                 };
-                if asked.is_some() && busy > 0 {
+                if let Some(Numbered {
+                    number: Some(number),
+                    ..
+                }) = asked
+                    && busy > 0
+                {
                     busy -= 1;
-                    self.server.busy();
+                    self.server.busy(number);
                 } else {
                     self.asked.extend(asked);
                 }

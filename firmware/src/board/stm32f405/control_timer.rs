@@ -6,8 +6,8 @@ use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::timer::{CounterUs, Event, Flag};
 
-/// Shortest and longest period, µs: 20 kHz, and what a drive file allows.
-pub(super) const PERIODS_US: (u32, u32) = (50, 1_000_000);
+/// Shortest and longest period, µs: 20 kHz, and what leaves the link an answer in time.
+pub(super) const PERIODS_US: (u32, u32) = (50, 100_000);
 
 /// The running timer.
 pub(crate) struct ControlTimer(CounterUs<TIM2>);

@@ -78,13 +78,13 @@ pub(crate) fn start(
     plans: &'static mut PlanTable,
 ) -> (Hardware<Stm32f405>, Set) {
     rtt::start();
-    let slots = storage::Slots::new(device.FLASH);
-    let (set, spare) = choose(slots, plans, &Stm32f405::CAPABILITIES);
-    let period_us = period_us(&set.settings);
     let mut rcc = device
         .RCC
         .freeze(Config::hse(8.MHz()).sysclk(CLOCK_HZ.Hz()));
     supply::watch(&device.PWR, &device.EXTI, &mut rcc);
+    let slots = storage::Slots::new(device.FLASH);
+    let (set, kept) = choose(slots, plans, &Stm32f405::CAPABILITIES);
+    let period_us = period_us(&set.settings);
     let port_a = device.GPIOA.split(&mut rcc);
     let port_b = device.GPIOB.split(&mut rcc);
     let port_c = device.GPIOC.split(&mut rcc);
@@ -115,7 +115,7 @@ pub(crate) fn start(
         ),
         watchdog: watchdog::ResetWatchdog::new(device.IWDG, &device.DBGMCU, period_us),
         timer: control_timer::ControlTimer::new(device.TIM2, period_us, &mut rcc),
-        spare,
+        kept,
     };
     (hardware, set)
 }

@@ -3,13 +3,14 @@
 //! Erased and written byte by byte, which any supply of the part allows (RM0090, 3.6.2). What was read before lies in
 //! the cache of the flash interface still; it is emptied after each change (3.5.4).
 
+use arso_core::link::image::ROOM;
 use arso_firmware::board::{self, FlashError, Slot};
 use stm32f4xx_hal::flash::{FlashExt, UnlockedFlash};
 use stm32f4xx_hal::pac::FLASH;
 
 /// Where the first slot begins, counted from the start of the flash, the second behind it, and the sectors.
 const FIRST: usize = 768 * 1024;
-const LENGTH: usize = 128 * 1024;
+const LENGTH: usize = ROOM;
 const SECTORS: [u8; 2] = [10, 11];
 
 /// Start of the flash in memory.

@@ -32,6 +32,11 @@ enum Action {
     /// kept in flash and the drive resets itself: it forgets where zero is, and has to be enabled anew. A drive that
     /// holds its machine takes other gains, limits and friction at once, and keeps them until its reset only.
     Push(DriveArgument),
+    /// Let the drive go back to the settings that are compiled into its firmware.
+    ///
+    /// For example `host-sim drive --port /dev/ttyACM0 settings forget`, after new firmware was flashed: what was pushed
+    /// comes first otherwise. The amplifier must be off, and the drive resets itself.
+    Forget,
 }
 
 impl SettingsCommand {
@@ -50,9 +55,10 @@ impl SettingsCommand {
 
     /// * `set`: what is to be sent, see [`set`](Self::set)
     pub(super) fn run(&self, ends: &mut Ends, set: Option<&[u8]>) -> Result<()> {
-        match set {
-            Some(set) => push(ends, set),
-            None => show(ends),
+        match (set, &self.action) {
+            (Some(set), _) => push(ends, set),
+            (None, Action::Forget) => forget(ends),
+            (None, _) => show(ends),
         }
     }
 }
@@ -73,6 +79,15 @@ fn push(ends: &mut Ends, set: &[u8]) -> Result<()> {
         },
         None,
     )
+}
+
+fn forget(ends: &mut Ends) -> Result<()> {
+    let said = if ends.drive.forget_settings()? {
+        "the drive has begun anew with the settings of its firmware"
+    } else {
+        "the drive runs with the settings of its firmware already"
+    };
+    ends.say(said, None)
 }
 
 fn show(ends: &mut Ends) -> Result<()> {

@@ -4,6 +4,8 @@ use super::{Peripheral, Unknown};
 
 /// Its own oscillator, Hz, nominal.
 const LSI: u64 = 32_000;
+/// Counts until it heeds a new prescaler or reload value, which are taken over into its own clock (21.4.4).
+const UPDATE: u64 = 5;
 
 /// The registers.
 #[derive(Clone, Debug)]
@@ -15,6 +17,8 @@ pub struct Watchdog {
     since: Option<u64>,
     left: u64,
     processor_hz: u64,
+    /// Reload values that are not heeded yet, and from when on they are.
+    later: Option<(u64, u32)>,
 }
 
 impl Default for Watchdog {
@@ -26,6 +30,7 @@ impl Default for Watchdog {
             since: None,
             left: 0,
             processor_hz: 16_000_000,
+            later: None,
         }
     }
 }
@@ -65,8 +70,30 @@ impl Watchdog {
         self.prescaler = prescaler;
     }
 
+    /// Another reload value, which a running watchdog heeds somewhat later.
+    fn set_reload(&mut self, reload: u32, now: u64) {
+        if self.since.is_none() {
+            self.reload = reload;
+            return;
+        }
+        self.heed(now);
+        let after = UPDATE * self.divider() * self.processor_hz / LSI;
+        self.later = Some((now + after, reload));
+    }
+
+    /// Takes over what was set long enough ago.
+    fn heed(&mut self, now: u64) {
+        if let Some((at, reload)) = self.later
+            && now >= at
+        {
+            self.reload = reload;
+            self.later = None;
+        }
+    }
+
     /// The counter begins at the reload value.
     fn load(&mut self, now: u64) {
+        self.heed(now);
         self.since = Some(now);
         self.left = u64::from(self.reload) + 1;
     }
@@ -79,12 +106,14 @@ impl Watchdog {
 }
 
 impl Peripheral for Watchdog {
-    fn read(&mut self, offset: u32, _: u64) -> Result<u32, Unknown> {
+    fn read(&mut self, offset: u32, now: u64) -> Result<u32, Unknown> {
         Ok(match offset {
             0x04 => self.prescaler,
             0x08 => self.reload,
-            // The key register is write-only; updates of the others are done at once.
-            0x00 | 0x0C => 0,
+            // The key register is write-only.
+            0x00 => 0,
+            // RVU: the reload value is being taken over.
+            0x0C => u32::from(self.later.is_some_and(|(at, _)| now < at)) << 1,
             _ => return Err(Unknown),
         })
     }
@@ -101,7 +130,7 @@ impl Peripheral for Watchdog {
             }
             (0x00, _) => self.unlocked = false,
             (0x04, value) if self.unlocked => self.set_prescaler(value & 0b111, now),
-            (0x08, value) if self.unlocked => self.reload = value & 0xFFF,
+            (0x08, value) if self.unlocked => self.set_reload(value & 0xFFF, now),
             (0x04 | 0x08, _) => {}
             _ => return Err(Unknown),
         }
@@ -142,15 +171,19 @@ mod tests {
         assert_eq!(watchdog.expires(), Some(400_000));
         watchdog.write(0x04, 6, 200_000).unwrap();
         assert_eq!(watchdog.expires(), Some(200_000 + 50 * 256_000));
-        // Another reload value is for the next time it is fed; it cannot be started twice.
+        // Another reload value is heeded after five counts, by the next time it is fed; it cannot be started twice.
         watchdog.write(0x08, 9, 300_000).unwrap();
         watchdog.write(0x00, 0xCCCC, 300_000).unwrap();
         assert_eq!(watchdog.expires(), Some(200_000 + 50 * 256_000));
         watchdog.write(0x00, 0xAAAA, 300_000).unwrap();
-        assert_eq!(watchdog.expires(), Some(300_000 + 10 * 256_000));
-        watchdog.write(0x04, 0, 400_000).unwrap();
-        watchdog.write(0x00, 0x5555, 400_000).unwrap();
-        watchdog.write(0x04, 0, 428_000).unwrap();
-        assert_eq!(watchdog.expires(), Some(428_000 + 10 * 4_000));
+        assert_eq!(watchdog.read(0x0C, 300_000), Ok(2));
+        assert_eq!(watchdog.expires(), Some(300_000 + 100 * 256_000));
+        assert_eq!(watchdog.read(0x0C, 1_600_000), Ok(0));
+        watchdog.write(0x00, 0xAAAA, 1_600_000).unwrap();
+        assert_eq!(watchdog.expires(), Some(1_600_000 + 10 * 256_000));
+        watchdog.write(0x04, 0, 1_700_000).unwrap();
+        watchdog.write(0x00, 0x5555, 1_700_000).unwrap();
+        watchdog.write(0x04, 0, 1_728_000).unwrap();
+        assert_eq!(watchdog.expires(), Some(1_728_000 + 10 * 4_000));
     }
 }
