@@ -9,6 +9,7 @@
 //! anywhere ends in a fault and zero current.
 
 mod activity;
+mod homing;
 
 use crate::check::SettingsError;
 use crate::direction_check::{Action, DirectionCheck, PATIENCE};
@@ -17,6 +18,7 @@ use crate::encoder::{self, Encoder, Reading};
 use crate::excitation::Excitation;
 use crate::fault::{Fault, Reaction};
 use crate::friction::FrictionFeedForward;
+use crate::homing::Memory as Homing;
 use crate::limits::Limits;
 use crate::mode::Mode;
 use crate::moves::plans::Plans;
@@ -44,6 +46,8 @@ pub struct Measurement {
     pub count: Counts,
     /// Current that was applied over the period that ends now, as the output really made it.
     pub current: Current,
+    /// Whether the home switch is active now.
+    pub home: bool,
 }
 
 /// What the drive has to do over the next period.
@@ -70,6 +74,8 @@ pub struct Controller<'p, const N: usize, O: StateObserver<N>> {
     stiction: Option<f32>,
     /// Of the motor, whatever the mode.
     heat: Heat,
+    /// Whether the home switch was active in the last period.
+    home: bool,
     telemetry: Telemetry<[f32; N]>,
     /// The parts once more: what a disturbed memory changes shows as a difference. Last, because what is used
     /// in each period lies where one instruction reaches it.
@@ -159,6 +165,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             activity: Activity::Idle,
             stiction: None,
             heat: 0.0,
+            home: false,
             telemetry: Telemetry::default(),
         })
     }
@@ -190,10 +197,27 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             (Request::Excite, Some(excitation), activity) => {
                 *activity = Activity::Exciting(Exciting::new(excitation));
             }
+            (
+                Request::Step(_) | Request::Move(_) | Request::Jog(_) | Request::Home(_),
+                _,
+                Activity::Running(Running {
+                    homing: Some(_), ..
+                }),
+            ) => return refused(Reason::Homing),
+            (Request::Home(homing), _, Activity::Running(running)) => {
+                let allowed = self.parts.may_home(&homing, self.home, self.stiction);
+                if let Err(reason) = allowed {
+                    return refused(reason);
+                }
+                running.asked = Some(request);
+            }
             (Request::Jog(Velocity(velocity)), ..) if !velocity.is_finite() => {
                 return refused(Reason::Unreachable);
             }
             (Request::Jog(_) | Request::Halt, _, Activity::Running(running)) => {
+                if let Some(homing) = &mut running.homing {
+                    homing.end();
+                }
                 running.asked = Some(request);
             }
             (Request::Step(target) | Request::Move(target), _, Activity::Running(running)) => {
@@ -248,6 +272,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             Activity::Running(Running {
                 memory: Some(memory),
                 asked: None,
+                homing: None,
                 ..
             }) if memory.moves.rests() => Course::Held(memory.target),
             Activity::Running(Running {
@@ -270,7 +295,17 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         let memory = running.memory.as_ref();
         let under_way = memory.is_some_and(|memory| memory.moves.jogs());
         let waits = matches!(running.asked, Some(Request::Jog(_)));
-        running.stopping.is_none() && (under_way || waits)
+        running.stopping.is_none() && running.homing.is_none() && (under_way || waits)
+    }
+
+    /// Whether it looks for zero, or is about to: who asked is to be watched.
+    #[must_use]
+    pub fn homes(&self) -> bool {
+        let Activity::Running(running) = &self.activity else {
+            return false;
+        };
+        let waits = matches!(running.asked, Some(Request::Home(_)));
+        running.stopping.is_none() && (running.homing.is_some() || waits)
     }
 
     /// Record of the last period.
@@ -294,6 +329,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         telemetry.count = measurement.count.0;
         telemetry.position = parts.encoder.position(reading.place).0;
         telemetry.position_set = self.encoder.is_set();
+        self.home = measurement.home;
 
         if !parts.same(&self.copy, telemetry.period) {
             self.activity.trip(Fault::Settings);
@@ -314,8 +350,8 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         let result = watched.and_then(|()| match &mut self.activity {
             Activity::Running(running) => parts.run(
                 running,
-                measurement.current,
-                &reading,
+                &mut self.encoder,
+                (&measurement, &reading),
                 telemetry,
                 (self.stiction, self.heat),
             ),
@@ -461,8 +497,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
     fn run(
         &self,
         running: &mut Running<N, O>,
-        current: Current,
-        reading: &Reading,
+        encoder: &mut encoder::Memory,
+        (measurement, reading): (&Measurement, &Reading),
         telemetry: &mut Telemetry<[f32; N]>,
         (stiction, heat): (Option<f32>, Heat),
     ) -> Outcome {
@@ -477,16 +513,23 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             }
             running.start = Start::AtRest;
         }
+        let set = telemetry.position_set && running.homing.is_none();
         let (memory, displacement, current) = match &mut running.memory {
-            Some(memory) => (memory, reading.displacement, current),
+            Some(memory) => (memory, reading.displacement, measurement.current),
             // What was before the start is not the observers' to know.
             none => (
-                none.insert(self.begin(reading.place, telemetry.position_set, stiction)),
+                none.insert(self.begin(reading.place, set, stiction)),
                 0.0,
                 self.holding_current(),
             ),
         };
-        self.direct(memory, &mut running.asked, telemetry.position_set)?;
+        if let Some(Request::Home(homing)) = running.asked
+            && memory.moves.rests()
+        {
+            running.homing = Some(self.begin_homing(memory, homing, &mut running.asked));
+        }
+        let set = set && running.homing.is_none();
+        self.direct(memory, &mut running.asked, set)?;
         let reference = self.moves.step(&mut memory.moves);
         let position = self.encoder.distance(memory.target, reading.place);
         let error = Position(position.0 - reference.position.0);
@@ -537,8 +580,16 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             reaction_force,
             estimate: &estimate,
             reference: &reference,
+            to_stop: running.homing.as_ref().and_then(Homing::to_stop),
         };
-        if let Err(trip) = self.protection.running(&mut memory.protection, &period) {
+        if set && reference.rests {
+            self.protection
+                .keeps_travel(&mut memory.protection, reading.place);
+        }
+        let watched = self.protection.running(&mut memory.protection, &period);
+        let sought = |homing: &mut Homing| homing.wait(self.sample_time);
+        let watched = watched.and_then(|()| running.homing.as_mut().map_or(Ok(()), sought));
+        if let Err(trip) = watched {
             if trip.fault.reaction() == Reaction::Off {
                 return Err(trip);
             }
@@ -564,15 +615,29 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             .step(&mut memory.standstill, reference.rests, &difference);
         let friction = self.friction.step(velocity).0 + rule.friction.0;
         memory.fed.friction = Current(friction * self.current_per_force);
-        let command = self.limited(Current(
+        let wanted = Current(
             reference.feed_forward.0
                 + memory.fed.friction.0
                 + feedback.0
                 + rule.compensation.0 * self.current_per_force,
-        ))?;
-        let cut = command.is_some_and(|command| command.limited) && !reference.rests;
-        self.slip(memory, &mut running.asked, cut.then_some(error));
-        Ok(command)
+        );
+        let homing = running.homing.as_ref();
+        let command = within(&self.limits_of(homing), wanted)?;
+        let ends = homing.is_some_and(Homing::ends);
+        let cut = command.limited && !reference.rests && !ends;
+        if homing.is_some_and(|homing| homing.pushes(command.current)) {
+            if cut {
+                // The reference waits, and the actuator is pushed no harder and no less.
+                self.set_back(memory, Position(-reference.displacement));
+            }
+        } else {
+            self.slip(memory, &mut running.asked, cut.then_some(error));
+        }
+        if homing.is_some() {
+            let (now, then) = ((reading, measurement.home), (&reference, error));
+            self.home(running, encoder, now, then, command.current);
+        }
+        Ok(Some(command))
     }
 
     /// What is asked of the moves is begun, and the target moves on.
@@ -626,13 +691,19 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         }
         memory.limited = 0;
         let before = memory.target;
-        let counts = self.encoder.place(Position(error)).0;
-        memory.target = Place(before.0.wrapping_add(counts));
-        let distance = self.encoder.distance(before, memory.target);
-        self.observer.shift(&mut memory.observer, distance);
+        self.set_back(memory, Position(error));
         if asked.is_none() && !memory.moves.jogs() {
             *asked = Some(Request::Move(before));
         }
+    }
+
+    /// The target moves by a distance, in whole counts, and the reference with it.
+    fn set_back(&self, memory: &mut Loop<N, O::Memory>, distance: Position) {
+        let before = memory.target;
+        let counts = self.encoder.place(distance).0;
+        memory.target = Place(before.0.wrapping_add(counts));
+        let distance = self.encoder.distance(before, memory.target);
+        self.observer.shift(&mut memory.observer, distance);
     }
 
     /// The command of an open loop: a current beside what carries the machine.
@@ -642,13 +713,28 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
 
     /// The command that applies a current as far as the limits allow.
     fn limited(&self, current: Current) -> Outcome {
-        let limited = self.limits.step(current).ok_or(Fault::NonFinite)?;
-        Ok(Some(Command {
-            current: limited.current,
-            enable: true,
-            limited: limited.limited,
-        }))
+        Ok(Some(within(&self.limits, current)?))
     }
+
+    /// What limits the command.
+    fn limits_of(&self, homing: Option<&Homing>) -> Limits {
+        homing
+            .and_then(Homing::limit)
+            .map_or(self.limits, |current| Limits {
+                current_limit: current.0,
+                ..self.limits
+            })
+    }
+}
+
+/// The command that applies a current as far as limits allow.
+fn within(limits: &Limits, current: Current) -> Result<Command, Fault> {
+    let limited = limits.step(current).ok_or(Fault::NonFinite)?;
+    Ok(Command {
+        current: limited.current,
+        enable: true,
+        limited: limited.limited,
+    })
 }
 
 /// What a period of the closed loop found, into its record.

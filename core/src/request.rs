@@ -1,6 +1,7 @@
 //! What is asked of the drive, and what it answers. Plain data without a transport; [`link`](crate::link) puts it on a
 //! wire.
 
+use crate::homing::Homing;
 use crate::mode::Mode;
 use crate::units::{Place, Velocity};
 use core::fmt;
@@ -32,6 +33,8 @@ pub enum Request {
     MoveBy(i64),
     /// Move at that velocity until something else is asked; running drives only.
     Jog(Velocity),
+    /// Find zero; begins when the machine rests, and is ended by `Halt` and `Stop`; running drives only.
+    Home(Homing),
     /// Come to rest by a plan and stay there; running drives only.
     Halt,
 }
@@ -63,6 +66,16 @@ pub enum Reason {
     RunSwitch,
     /// No move leads there: a value that is no number, or more of it than can be counted in periods.
     Unreachable,
+    /// No approach of homing is that slow, or that fast.
+    Velocity,
+    /// The current of homing is none that finds a stop.
+    Current,
+    /// The machine is to move back from a stop, farther than it may stand off.
+    BackOff,
+    /// The home switch is active already.
+    HomeSwitch,
+    /// The drive homes, which is to be ended first.
+    Homing,
 }
 
 impl Mode {
@@ -82,6 +95,7 @@ impl Mode {
                 | Request::Move(_)
                 | Request::MoveBy(_)
                 | Request::Jog(_)
+                | Request::Home(_)
                 | Request::Halt,
             ) => Ok(Self::Running),
             (Self::Running | Self::Ready, Request::Stop) => Ok(Self::Ready),
@@ -107,6 +121,7 @@ impl fmt::Display for Refusal {
             Request::Step(_) => ("step", "a running"),
             Request::Move(_) | Request::MoveBy(_) => ("move", "a running"),
             Request::Jog(_) => ("jog", "a running"),
+            Request::Home(_) => ("home", "a running"),
             Request::Halt => ("halt", "a running"),
         };
         match self.reason {
@@ -117,6 +132,27 @@ impl fmt::Display for Refusal {
             ),
             Reason::RunSwitch => write!(f, "{request}: the run switch is open, the drive is "),
             Reason::Unreachable => write!(f, "{request}: no move leads there, the drive is "),
+            Reason::Velocity => write!(
+                f,
+                "{request}: the approach is too slow to be made or too fast to be ended, the drive is "
+            ),
+            Reason::Current => write!(
+                f,
+                "{request}: the current must be below the drive's limit and above what friction and weight take, \
+                 the drive is "
+            ),
+            Reason::BackOff => write!(
+                f,
+                "{request}: it must move back from a stop by more than it may stand off, the drive is "
+            ),
+            Reason::HomeSwitch => write!(
+                f,
+                "{request}: the home switch is active already, move off it first, the drive is "
+            ),
+            Reason::Homing => write!(
+                f,
+                "{request}: it is homing and to be halted first, the drive is "
+            ),
             Reason::NoExcitation => write!(f, "{request}: there is nothing to play, the drive is "),
         }?;
         match self.mode {
@@ -140,8 +176,16 @@ mod tests {
 
     use super::*;
     use crate::fault::Fault;
+    use crate::homing::At;
     use std::string::ToString;
     use std::vec;
+
+    const HOMING: Homing = Homing {
+        velocity: Velocity(-0.05),
+        at: At::Input,
+        position: Place(0),
+        back_off: 1000,
+    };
 
     const MODES: [Mode; 7] = [
         Mode::Idle,
@@ -188,6 +232,7 @@ mod tests {
             (Request::Move(Place(10_000)), vec![(Running, Running)]),
             (Request::MoveBy(-10_000), vec![(Running, Running)]),
             (Request::Jog(Velocity(0.1)), vec![(Running, Running)]),
+            (Request::Home(HOMING), vec![(Running, Running)]),
             (Request::Halt, vec![(Running, Running)]),
         ];
         for (request, row) in taken {
@@ -223,6 +268,7 @@ mod tests {
             Request::Move(Place(0)),
             Request::MoveBy(1),
             Request::Jog(Velocity(0.1)),
+            Request::Home(HOMING),
             Request::Halt,
         ];
         let mut reached = std::vec![Mode::Idle, Mode::Fault(Fault::NoMotion)];

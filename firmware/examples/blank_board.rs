@@ -8,7 +8,7 @@
 use arso_core::{Command, Counts, Current};
 use arso_firmware::board::{
     AmplifierFault, Board, Capabilities, ControlTimer, CurrentOutput, CycleCounter, Encoder,
-    Hardware, Inputs, Levels, RunSwitch, Serial, Watchdog,
+    Hardware, HomeSwitch, Inputs, Levels, RunSwitch, Serial, Watchdog,
 };
 use arso_firmware::drive::{self, LastMoves, Queues};
 use cortex_m_rt::entry;
@@ -27,6 +27,7 @@ impl Board for Blank {
     type Cycles = Self;
     type RunSwitch = Self;
     type AmplifierFault = Self;
+    type HomeSwitch = Self;
     type Inputs = Self;
     type Serial = Self;
     type Watchdog = Self;
@@ -70,6 +71,12 @@ impl AmplifierFault for Blank {
     }
 }
 
+impl HomeSwitch for Blank {
+    fn active(&mut self) -> bool {
+        false
+    }
+}
+
 impl Inputs for Blank {
     fn read(&mut self) -> Levels {
         Levels::default()
@@ -101,6 +108,7 @@ fn main() -> ! {
         cycles: Blank,
         run_switch: Blank,
         amplifier_fault: Blank,
+        home_switch: Blank,
         inputs: Blank,
         serial: Blank,
         watchdog: Blank,

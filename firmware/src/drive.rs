@@ -1,8 +1,8 @@
 //! The drive on a board: one control period, and everything that may take its time.
 
 use crate::board::{
-    AmplifierFault, Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs,
-    RunSwitch, Serial, Watchdog,
+    AmplifierFault, Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware,
+    HomeSwitch, Inputs, RunSwitch, Serial, Watchdog,
 };
 use crate::identity;
 use crate::log::Log;
@@ -39,9 +39,10 @@ pub struct Queues {
 /// What a control period was.
 struct Period {
     record: Telemetry<[f32; LOADS]>,
-    /// What was done with the machine, and whether it jogs.
+    /// What was done with the machine, whether it jogs, and whether it homes.
     course: Course,
     jogs: bool,
+    homes: bool,
     /// Whether the run switch was closed.
     run_switch: bool,
 }
@@ -70,6 +71,7 @@ pub struct Control<B: Board> {
     cycles: B::Cycles,
     run_switch: B::RunSwitch,
     amplifier_fault: B::AmplifierFault,
+    home_switch: B::HomeSwitch,
     /// When the interrupt before this one began.
     before: Option<u32>,
     controller: Controller<'static, LOADS, Observer>,
@@ -119,6 +121,7 @@ pub fn new<B: Board>(
         cycles: hardware.cycles,
         run_switch: hardware.run_switch,
         amplifier_fault: hardware.amplifier_fault,
+        home_switch: hardware.home_switch,
         before: None,
         controller,
         applied: Current(0.0),
@@ -191,6 +194,7 @@ impl<B: Board> Control<B> {
         let measurement = Measurement {
             count: self.encoder.count(),
             current: self.applied,
+            home: self.home_switch.active(),
         };
         let command = self.controller.step(measurement);
         self.applied = self.output.apply(&command);
@@ -209,6 +213,7 @@ impl<B: Board> Control<B> {
             record,
             course,
             jogs: self.controller.jogs(),
+            homes: self.controller.homes(),
             run_switch: run,
         });
     }
@@ -244,6 +249,7 @@ impl<B: Board> Idle<B> {
                 record,
                 course,
                 jogs,
+                homes,
                 run_switch,
             } = period;
             self.watchdog.feed();
@@ -257,6 +263,7 @@ impl<B: Board> Idle<B> {
             let seen = Seen {
                 course,
                 jogs,
+                homes,
                 run_switch,
                 vibration: self.log.vibration(),
             };

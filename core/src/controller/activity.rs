@@ -6,6 +6,7 @@ use crate::disturbance::{self, DisturbanceObserver};
 use crate::encoder::Reading;
 use crate::excitation::{self, Excitation};
 use crate::fault::Fault;
+use crate::homing;
 use crate::mode::Mode;
 use crate::moves;
 use crate::observer::StateObserver;
@@ -129,6 +130,8 @@ pub(super) struct Running<const N: usize, O: StateObserver<N>> {
     pub(super) asked: Option<Request>,
     /// The stand that a fault asks for.
     pub(super) stopping: Option<Stopping>,
+    /// The search for zero.
+    pub(super) homing: Option<homing::Memory>,
 }
 
 impl<const N: usize, O: StateObserver<N>> Running<N, O> {
@@ -139,6 +142,7 @@ impl<const N: usize, O: StateObserver<N>> Running<N, O> {
             memory: None,
             asked: None,
             stopping: None,
+            homing: None,
         }
     }
 

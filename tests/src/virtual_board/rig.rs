@@ -57,6 +57,7 @@ const RUN: u32 = 2;
 const EXCITE: u32 = 3;
 const ZERO: u32 = 4;
 const TARGET: [u32; 2] = [0, 1];
+const HOME: u32 = 5;
 
 /// Where the switches of the board stand; all open by default.
 #[derive(Clone, Copy, Debug, Default)]
@@ -67,6 +68,8 @@ pub struct Switches {
     pub excite: bool,
     /// Where the machine stands is zero.
     pub zero: bool,
+    /// The home switch is active.
+    pub home: bool,
     /// Which target, 0 to 3.
     pub target: u32,
 }
@@ -207,12 +210,14 @@ impl Rig {
             run,
             excite,
             zero,
+            home,
             target,
         } = switches;
         let port = &mut self.board.bus_mut().ports[2];
         port.set_level(RUN, run);
         port.set_level(EXCITE, excite);
         port.set_level(ZERO, zero);
+        port.set_level(HOME, home);
         for (bit, pin) in TARGET.into_iter().enumerate() {
             port.set_level(pin, target >> bit & 1 == 1);
         }

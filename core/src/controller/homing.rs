@@ -1,0 +1,130 @@
+//! The controller's part of [`homing`](crate::homing).
+
+use super::Parts;
+use super::activity::{Loop, Running};
+use crate::encoder::{self, Reading};
+use crate::homing::{At, Homing, Memory};
+use crate::moves::Reference;
+use crate::observer::StateObserver;
+use crate::request::{Reason, Request};
+use crate::units::{Current, Place, Position};
+
+/// Longest approach where there is no travel, s, and where there is one, as a part of its length.
+const LONGEST: f32 = 60.0;
+const FARTHEST: f32 = 1.5;
+
+impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
+    /// Refuses what cannot be done.
+    ///
+    /// * `active`: whether the home switch is
+    /// * `stiction`: by which friction has been seen to hold the actuator, N
+    pub(super) fn may_home(
+        &self,
+        homing: &Homing,
+        active: bool,
+        stiction: Option<f32>,
+    ) -> Result<(), Reason> {
+        let velocity = homing.velocity.0.abs();
+        if !self.moves.cruises(velocity) {
+            return Err(Reason::Velocity);
+        }
+        match homing.at {
+            At::Input if active => return Err(Reason::HomeSwitch),
+            At::Input => {}
+            At::Stop { current } => {
+                if 2.0 * velocity * self.sample_time > self.protection.encoder_step() {
+                    return Err(Reason::Velocity);
+                }
+                let friction = self.friction.coulomb.max(stiction.unwrap_or(0.0))
+                    + self.friction.viscous * velocity;
+                let taken = (friction + self.holding_force.0.abs()) * self.current_per_force;
+                // Written so that what is no number is none of them.
+                if !(current.0 > taken && current.0 < self.limits.current_limit) {
+                    return Err(Reason::Current);
+                }
+                let back_off = homing.back_off as f32 * self.encoder.resolution;
+                if back_off <= self.standstill.tolerance {
+                    return Err(Reason::BackOff);
+                }
+            }
+        }
+        let rests_at = homing.rests_at(homing.position);
+        if self
+            .protection
+            .travel()
+            .is_some_and(|travel| !travel.contains(rests_at))
+        {
+            return Err(Reason::Travel);
+        }
+        if self.moves.lead(homing.position, rests_at) {
+            Ok(())
+        } else {
+            Err(Reason::Unreachable)
+        }
+    }
+
+    /// The approach begins where the machine rests.
+    pub(super) fn begin_homing(
+        &self,
+        memory: &mut Loop<N, O::Memory>,
+        homing: Homing,
+        asked: &mut Option<Request>,
+    ) -> Memory {
+        self.protection.leaves_travel(&mut memory.protection);
+        *asked = Some(Request::Jog(homing.velocity));
+        let longest = self.protection.travel().map_or(LONGEST, |travel| {
+            let length = self.encoder.distance(travel.lowest, travel.highest);
+            FARTHEST * length.0 / homing.velocity.0.abs()
+        });
+        // The cast saturates.
+        Memory::new(homing, (longest / self.sample_time) as u32)
+    }
+
+    /// The end of a period of a drive that homes.
+    ///
+    /// * `active`: whether the home switch is
+    /// * `error`: from the reference
+    pub(super) fn home(
+        &self,
+        running: &mut Running<N, O>,
+        encoder: &mut encoder::Memory,
+        (reading, active): (&Reading, bool),
+        (reference, error): (&Reference<N>, Position),
+        command: Current,
+    ) {
+        let (Some(homing), Some(memory)) = (&mut running.homing, &mut running.memory) else {
+            return;
+        };
+        let to_stop = homing.limit().is_some();
+        if let Some(rests_at) = homing.seek(&self.rest, reading, active, command) {
+            running.asked = Some(Request::Move(rests_at));
+            if to_stop {
+                // What has pushed the actuator is void: from rest, as after a start.
+                running.memory = None;
+            }
+            return;
+        }
+        if running.asked.is_some() || !reference.rests {
+            return;
+        }
+        match homing.found() {
+            Some((found, name)) if memory.standstill.holds() => {
+                let rename = |place: Place| {
+                    let counts = place.counts_from(found);
+                    Place(name.0.wrapping_add(counts))
+                };
+                memory.target = rename(memory.target);
+                encoder.set(rename(reading.place));
+                running.homing = None;
+            }
+            None if homing.ends() => {
+                if to_stop && error.0.abs() > self.standstill.tolerance {
+                    // Something holds it.
+                    running.memory = None;
+                }
+                running.homing = None;
+            }
+            _ => {}
+        }
+    }
+}
