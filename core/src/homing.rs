@@ -17,6 +17,7 @@
 //!
 //! ```text
 //! |d|, |innovation| ≤ limit + 2 (k_f I + m_a |v| / T)        |v_a| ≤ |v| + encoder_step / T
+//! |s_k − s_k−1| ≤ encoder_step + 2 T² k_f I / m_a            (see `protection::encoder_step`)
 //! ```
 //!
 //! All other watches stay, but for that of the stall. So that the encoder's motion is watched too, an approach to a

@@ -314,8 +314,11 @@ impl<const N: usize> Protection<N> {
             reading, current, ..
         } = period;
         let moving = Current(current.0 - self.holding_current);
+        let more = period
+            .to_stop
+            .map_or(0.0, |(_, current)| self.encoder_step.at_stop(current));
         self.encoder_step
-            .step(&mut memory.encoder_step, reading, moving)?;
+            .step(&mut memory.encoder_step, reading, moving, more)?;
         let planned = self.force_constant * period.reference.feed_forward.0;
         let planned = self.limits.model_error.step(&mut memory.planned, planned);
         let stop = period.to_stop.map(|(Velocity(velocity), current)| {

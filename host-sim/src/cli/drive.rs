@@ -1,6 +1,7 @@
 //! `host-sim drive`: a drive that is connected, over its serial link.
 
 mod files;
+mod home;
 mod motion;
 mod telemetry;
 mod watch;
@@ -61,6 +62,7 @@ enum Action {
     /// For example `host-sim drive --port /dev/ttyACM0 stop`.
     Stop,
     SetPosition(motion::SetPositionCommand),
+    Home(home::HomeCommand),
     /// Read the last moves that the drive keeps in its memory.
     ///
     /// What `record` reads from a dump, here from the drive; what is written is what `identify` reads. For example
@@ -87,6 +89,7 @@ impl DriveCommand {
             Action::Move(command) => command.check()?,
             Action::Jog(command) => command.check()?,
             Action::SetPosition(command) => command.check()?,
+            Action::Home(command) => command.check()?,
             Action::Telemetry(command) => command.check(self.json)?,
             Action::Watch(_) => watch::WatchCommand::check(self.json)?,
             Action::Record(wanted) if wanted.csv && self.json => {
@@ -96,8 +99,11 @@ impl DriveCommand {
         }
         let port = Port::open(name)?;
         // What goes on for a while ends in order.
-        if let Action::Enable | Action::Move(_) | Action::Jog(_) | Action::Telemetry(_) =
-            &self.action
+        if let Action::Enable
+        | Action::Move(_)
+        | Action::Jog(_)
+        | Action::Home(_)
+        | Action::Telemetry(_) = &self.action
         {
             catch_interrupt()?;
         }
@@ -142,6 +148,7 @@ impl DriveCommand {
                 ends.say("the machine is held", Some(arrival.time))
             }
             Action::SetPosition(command) => command.run(&mut ends),
+            Action::Home(command) => command.run(&mut ends),
             Action::Record(wanted) => {
                 let last_moves = drive.last_moves()?;
                 match wanted.write(&last_moves)? {

@@ -236,7 +236,7 @@ fn what_cannot_find_a_place_is_refused() {
             },
             Reason::Current,
         ),
-        // 0.5 N of weight and 1 N of friction, through 6.43 N/A.
+        // 1.5 N of friction through 6.43 N/A.
         (
             Homing {
                 at: stop(0.23),
@@ -248,8 +248,7 @@ fn what_cannot_find_a_place_is_refused() {
         (homing(|h| h.back_off = 20_000), Reason::Travel),
     ] {
         let mut machine = Machine::new(|settings| {
-            settings.friction.coulomb = 1.0;
-            settings.holding_force = -0.5;
+            settings.friction.coulomb = 1.5;
             settings.protection.travel = Some(Travel {
                 lowest: Place(0),
                 highest: Place(10_000),
@@ -292,7 +291,11 @@ fn where_there_is_nothing_it_says_so() {
         machine.stop = false;
         let velocity = Velocity(0.05);
         machine
-            .ask(Request::Home(Homing { velocity, ..INPUT }))
+            .ask(Request::Home(Homing {
+                velocity,
+                position: Place(5000),
+                ..INPUT
+            }))
             .unwrap();
         let from = machine.position;
         machine.homed();
@@ -344,7 +347,7 @@ fn an_encoder_that_dies_is_found() {
 /// Zero is what it was, on the way, against the stop and on the way back.
 #[test]
 fn a_halt_ends_it_and_changes_nothing() {
-    for after in [1, 50, 130, 250, 400, 470] {
+    for after in [1, 50, 130, 320, 350, 365] {
         let mut machine = Machine::new(|_| ());
         machine.ask(Request::Stop).unwrap();
         machine.ask(Request::SetPosition(Place(7_000_000))).unwrap();
@@ -395,14 +398,17 @@ fn the_travel_counts_again_once_zero_is_known() {
         machine.ask(Request::Move(Place(-5000))),
         Err(Reason::Travel)
     );
-    machine.ask(Request::Home(STOP)).unwrap();
+    let position = Place(-500);
+    machine
+        .ask(Request::Home(Homing { position, ..STOP }))
+        .unwrap();
     machine.homed();
     assert!(machine.set());
     machine.ask(Request::Move(Place(10))).unwrap();
     machine.periods(600);
     assert_eq!(machine.controller.mode(), Mode::Running);
     // Somebody pulls it out of its travel.
-    machine.seen = |counts| counts - 100;
+    machine.seen = |counts| counts - 30;
     machine.periods(3);
-    assert!(machine.fault().is_some());
+    assert_eq!(machine.fault(), Some(Fault::Travel));
 }
