@@ -4,6 +4,7 @@
 //! approach   it jogs until the place is found
 //!   stop       with a limited current, until the actuator has stood still against it (50 ms, see `rest`)
 //!   input      until the home switch is active
+//! settle     by stop: it stands there, from rest as after a start, until the loads do
 //! back       it moves back from there by a plan, with all that the motor has, and settles
 //! done       the places get new names, in one period: that of the place found is the one that was asked for
 //! ```
@@ -79,7 +80,7 @@ const PUSHED: f32 = 0.9;
 pub(crate) struct Memory {
     homing: Homing,
     phase: Phase,
-    /// Current that the command is limited to, while there may be a stop.
+    /// Current that the command is limited to, until the machine moves back from a stop.
     limit: Option<Current>,
     /// Periods of the approach, and the most that it may have.
     periods: u32,
@@ -89,6 +90,8 @@ pub(crate) struct Memory {
 #[derive(Clone, Copy, Debug)]
 enum Phase {
     Approach(rest::Memory),
+    /// At the stop found, until nothing swings.
+    Settle(Place),
     /// From the place found.
     Back(Place),
     /// To rest, without a place.
@@ -108,6 +111,11 @@ impl Memory {
             periods: 0,
             longest,
         }
+    }
+
+    /// Where it is to rest, from the place found.
+    pub(crate) fn rests_at(&self, found: Place) -> Place {
+        self.homing.rests_at(found)
     }
 
     /// What the command is limited to.
@@ -166,7 +174,17 @@ impl Memory {
         })
     }
 
-    /// One period of the approach: whether this is the place, and where the machine is to rest then.
+    /// Where the machine is to rest, from the stop at which it has settled; the motor has all its current again.
+    pub(crate) fn settled(&mut self) -> Option<Place> {
+        let Phase::Settle(found) = self.phase else {
+            return None;
+        };
+        self.phase = Phase::Back(found);
+        self.limit = None;
+        Some(self.homing.rests_at(found))
+    }
+
+    /// One period of the approach: whether this is the place.
     ///
     /// * `active`: whether the home switch is
     pub(crate) fn seek(
@@ -175,7 +193,7 @@ impl Memory {
         reading: &Reading,
         active: bool,
         command: Current,
-    ) -> Option<Place> {
+    ) -> Option<At> {
         let towards = self.towards(command);
         let Phase::Approach(memory) = &mut self.phase else {
             return None;
@@ -192,8 +210,10 @@ impl Memory {
         if !found {
             return None;
         }
-        self.phase = Phase::Back(reading.place);
-        self.limit = None;
-        Some(self.homing.rests_at(reading.place))
+        self.phase = match self.homing.at {
+            At::Stop { .. } => Phase::Settle(reading.place),
+            At::Input => Phase::Back(reading.place),
+        };
+        Some(self.homing.at)
     }
 }

@@ -26,6 +26,8 @@ struct Machine {
     current: Current,
     /// Counts at which the encoder stands still.
     dead: Option<i32>,
+    /// Where the actuator was at the last reading, counts.
+    place: i32,
 }
 
 impl Machine {
@@ -37,6 +39,7 @@ impl Machine {
             plant: Plant::new(plant, design.drive.control.sample_time),
             current: Current(0.0),
             dead: None,
+            place: 0,
         };
         machine.plant.stop_at(STOP);
         machine.core.request(Request::Commission).unwrap();
@@ -51,8 +54,8 @@ impl Machine {
     }
 
     fn period(&mut self) {
-        let place = self.plant.place() as i32;
-        let seen = self.dead.map_or(place, |dead| place.max(dead));
+        self.place = self.plant.place() as i32;
+        let seen = self.dead.map_or(self.place, |dead| self.place.max(dead));
         let command = self.core.step(Measurement {
             count: Counts(seen as u32 & 0xFFFF),
             current: self.current,
@@ -85,7 +88,7 @@ impl Machine {
                 return Err(fault);
             }
             if record.position_set {
-                let named = f64::from(record.position) - self.plant.place() as f64 * 1e-6;
+                let named = f64::from(record.position) - f64::from(self.place) * 1e-6;
                 let found = if at == At::Input { EDGE } else { STOP };
                 return Ok((period, most, (named + found) * 1e6 - NAME as f64));
             }

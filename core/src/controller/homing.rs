@@ -96,19 +96,28 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             return;
         };
         let to_stop = homing.limit().is_some();
-        if let Some(rests_at) = homing.seek(&self.rest, reading, active, command) {
-            running.asked = Some(Request::Move(rests_at));
-            if to_stop {
+        match homing.seek(&self.rest, reading, active, command) {
+            None => {}
+            Some(At::Input) => {
+                running.asked = Some(Request::Move(homing.rests_at(reading.place)));
+                return;
+            }
+            Some(At::Stop { .. }) => {
                 // What has pushed the actuator is void: from rest, as after a start.
                 running.memory = None;
+                return;
             }
-            return;
         }
         if running.asked.is_some() || !reference.rests {
             return;
         }
+        let holds = memory.standstill.holds();
+        if let Some(rests_at) = holds.then(|| homing.settled()).flatten() {
+            running.asked = Some(Request::Move(rests_at));
+            return;
+        }
         match homing.found() {
-            Some((found, name)) if memory.standstill.holds() => {
+            Some((found, name)) if holds => {
                 let rename = |place: Place| {
                     let counts = place.counts_from(found);
                     Place(name.0.wrapping_add(counts))
