@@ -635,7 +635,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         }
         if homing.is_some() {
             let (now, then) = ((reading, measurement.home), (&reference, error));
-            self.home(running, encoder, now, then, command.current);
+            self.home(running, encoder, now, then, command.current)?;
         }
         Ok(Some(command))
     }

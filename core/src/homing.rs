@@ -5,7 +5,8 @@
 //!   stop       with a limited current, until the actuator has stood still against it (50 ms, see `rest`)
 //!   input      until the home switch is active
 //! settle     by stop: it stands there, from rest as after a start, until the loads do
-//! back       it moves back from there by a plan, with all that the motor has, and settles
+//! back       it moves back from there by a plan, with all that the motor has, and settles; from a stop by one that
+//!            never turns round, for most plans of short ways do
 //! done       the places get new names, in one period: that of the place found is the one that was asked for
 //! ```
 //!

@@ -66,7 +66,7 @@ impl Machine {
         self.plant.advance(self.current.0.into()).unwrap();
     }
 
-    /// Until zero is known: periods, largest current until the stop had been found and error of the place, counts.
+    /// Until zero is known: periods, largest current against the stop until it is left, and error of the place, counts.
     fn homes(&mut self, at: At, velocity: f32) -> Result<(u32, f32, f64), Fault> {
         let homing = Homing {
             velocity: Velocity(velocity),
@@ -75,13 +75,14 @@ impl Machine {
             back_off: BACK_OFF,
         };
         self.core.request(Request::Home(homing)).unwrap();
-        let (mut most, mut pushes) = (0.0_f32, true);
+        let (mut most, mut touched, mut left) = (0.0_f32, false, false);
         for period in 1..20_000 {
             self.period();
-            // The way back is the first that pulls.
-            pushes &= self.current.0 < 0.5;
-            if pushes {
-                most = most.max(self.current.0.abs());
+            let position = self.plant.state()[0];
+            touched |= position <= STOP;
+            left |= touched && position > STOP + 0.2e-3;
+            if !left {
+                most = most.max(-self.current.0);
             }
             let record = self.core.record();
             if let Some(fault) = record.mode.fault() {

@@ -3,6 +3,7 @@
 use super::Parts;
 use super::activity::{Loop, Running};
 use crate::encoder::{self, Reading};
+use crate::fault::Fault;
 use crate::homing::{At, Homing, Memory};
 use crate::moves::Reference;
 use crate::observer::StateObserver;
@@ -91,30 +92,33 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         (reading, active): (&Reading, bool),
         (reference, error): (&Reference<N>, Position),
         command: Current,
-    ) {
+    ) -> Result<(), Fault> {
         let (Some(homing), Some(memory)) = (&mut running.homing, &mut running.memory) else {
-            return;
+            return Ok(());
         };
         let to_stop = homing.limit().is_some();
         match homing.seek(&self.rest, reading, active, command) {
             None => {}
             Some(At::Input) => {
                 running.asked = Some(Request::Move(homing.rests_at(reading.place)));
-                return;
+                return Ok(());
             }
             Some(At::Stop { .. }) => {
                 // What has pushed the actuator is void: from rest, as after a start.
                 running.memory = None;
-                return;
+                return Ok(());
             }
         }
         if running.asked.is_some() || !reference.rests {
-            return;
+            return Ok(());
         }
         let holds = memory.standstill.holds();
         if let Some(rests_at) = holds.then(|| homing.settled()).flatten() {
-            running.asked = Some(Request::Move(rests_at));
-            return;
+            let begun = self
+                .moves
+                .retreat(&mut memory.moves, memory.target, rests_at);
+            memory.target = begun.map_err(|_| Fault::Target)?;
+            return Ok(());
         }
         match homing.found() {
             Some((found, name)) if holds => {
@@ -135,5 +139,6 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             }
             _ => {}
         }
+        Ok(())
     }
 }

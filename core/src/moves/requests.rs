@@ -140,6 +140,23 @@ impl Moves<'_> {
         delay >= soonest && delay < LONGEST && delay <= latest
     }
 
+    /// A move from rest by a cruise, however short: on a short way the actuator of a displacement swings far beyond
+    /// both ends, and that of a change of velocity does not turn round. Where the target is then.
+    pub(crate) fn retreat<const N: usize>(
+        &self,
+        memory: &mut Memory<N>,
+        from: Place,
+        to: Place,
+    ) -> Result<Place, Unreachable> {
+        let distance = to.counts_from(from) as f32 * self.resolution;
+        let (segments, _) = self.cruise(distance, distance.abs()).ok_or(Unreachable)?;
+        for segment in segments.into_iter().flatten() {
+            memory.add(segment);
+        }
+        memory.before.0 -= distance;
+        Ok(to)
+    }
+
     /// A move on top of what is under way, none of which is a cruise.
     fn start<const N: usize>(
         &self,
@@ -298,6 +315,13 @@ impl Moves<'_> {
             };
             return Some(([Some(segment), None], self.ticks(plan)));
         }
+        self.cruise(distance, needed)
+    }
+
+    /// A move over a distance by two changes of velocity, and its periods.
+    ///
+    /// * `needed`: the distance, over the share of the limits that it may use, m
+    fn cruise(&self, distance: f32, needed: f32) -> Option<([Option<Segment>; 2], i32)> {
         let change = &self.plans.change;
         let least = libm::ceilf(needed / (change.reach * self.sample_time));
         if least.is_nan() || least >= LONGEST {

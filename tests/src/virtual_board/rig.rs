@@ -203,6 +203,11 @@ impl Rig {
         self.plant.set_state(state);
     }
 
+    /// Puts a stop there, see [`Plant::stop_at`].
+    pub fn stop_at(&mut self, position: f64) {
+        self.plant.stop_at(position);
+    }
+
     /// Sets the switches.
     pub fn switches(&mut self, switches: Switches) {
         self.switches = switches;
