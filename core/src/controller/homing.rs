@@ -64,7 +64,9 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         }
     }
 
-    /// The approach begins where the machine rests.
+    /// The approach begins where the machine rests. Out of the way of the usual period, as what follows.
+    #[cold]
+    #[inline(never)]
     pub(super) fn begin_homing(
         &self,
         memory: &mut Loop<N, O::Memory>,
@@ -85,6 +87,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
     ///
     /// * `active`: whether the home switch is
     /// * `error`: from the reference
+    #[cold]
+    #[inline(never)]
     pub(super) fn home(
         &self,
         running: &mut Running<N, O>,
