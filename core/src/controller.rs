@@ -502,17 +502,10 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         telemetry: &mut Telemetry<[f32; N]>,
         (stiction, heat): (Option<f32>, Heat),
     ) -> Outcome {
-        // Never from motion: rest is proven first.
-        if let Start::WaitingForRest(rest, periods) = &mut running.start {
-            if !self.rest.rested(rest) && !self.rest.may_start(rest, reading) {
-                *periods = periods.saturating_add(1);
-                if *periods as f32 * self.sample_time > PATIENCE {
-                    return Err(Fault::NotAtRest.into());
-                }
-                return Ok(Some(Command::default()));
-            }
-            running.start = Start::AtRest;
+        if !self.starts(&mut running.start, reading)? {
+            return Ok(Some(Command::default()));
         }
+        // What is looked for may lie outside of the travel.
         let set = telemetry.position_set && running.homing.is_none();
         let (memory, displacement, current) = match &mut running.memory {
             Some(memory) => (memory, reading.displacement, measurement.current),
@@ -523,13 +516,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
                 self.holding_current(),
             ),
         };
-        if let Some(Request::Home(homing)) = running.asked
-            && memory.moves.rests()
-        {
-            running.homing = Some(self.begin_homing(memory, homing, &mut running.asked));
-        }
-        let set = set && running.homing.is_none();
-        self.direct(memory, &mut running.asked, set)?;
+        self.direct(memory, &mut running.asked, &mut running.homing, set)?;
         let reference = self.moves.step(&mut memory.moves);
         let position = self.encoder.distance(memory.target, reading.place);
         let error = Position(position.0 - reference.position.0);
@@ -553,23 +540,14 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         };
         let difference = self.observer.step(&mut memory.observer, &seen);
         let velocity = Velocity(reference.displacement / self.sample_time);
-        let (mass, force_constant) = self.actuator;
-        let of_actuator = (mass, force_constant, self.sample_time);
-        let expected = memory
-            .expected
-            .step(reference.displacement, fed.moves, of_actuator);
+        let expected = self.expected(&mut memory.expected, &reference, fed.moves);
         let estimate = on_reference(&difference, &reference, velocity);
         let reaction_force = Force(reaction_force.0 + expected.0);
 
         let disturbance = Force(disturbance.force.0 + expected.0);
         let target = self.encoder.position(memory.target);
-        record(
-            telemetry,
-            target,
-            &reference,
-            &estimate,
-            (disturbance, reaction_force),
-        );
+        let forces = (disturbance, reaction_force);
+        record(telemetry, target, &reference, &estimate, forces);
 
         let period = Period {
             reading,
@@ -580,12 +558,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             reaction_force,
             estimate: &estimate,
             reference: &reference,
-            to_stop: running.homing.as_ref().and_then(Homing::to_stop),
+            to_stop: running.homing.as_ref().and_then(Homing::seeks_stop),
         };
-        if set && reference.rests {
-            self.protection
-                .keeps_travel(&mut memory.protection, reading.place);
-        }
         let watched = self.protection.running(&mut memory.protection, &period);
         let sought = |homing: &mut Homing| homing.wait(self.sample_time);
         let watched = watched.and_then(|()| running.homing.as_mut().map_or(Ok(()), sought));
@@ -623,21 +597,33 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         );
         let homing = running.homing.as_ref();
         let command = within(&self.limits_of(homing), wanted)?;
-        let ends = homing.is_some_and(Homing::ends);
-        let cut = command.limited && !reference.rests && !ends;
-        if homing.is_some_and(|homing| homing.pushes(command.current)) {
-            if cut {
-                // The reference waits, and the actuator is pushed no harder and no less.
-                self.set_back(memory, Position(-reference.displacement));
-            }
-        } else {
+        let cut = command.limited && !reference.rests;
+        if !homing.is_some_and(|homing| homing.pushes(command.current)) {
             self.slip(memory, &mut running.asked, cut.then_some(error));
+        } else if cut {
+            self.set_back(memory, Position(-reference.displacement));
         }
         if homing.is_some() {
-            let (now, then) = ((reading, measurement.home), (&reference, error));
-            self.home(running, encoder, now, then, command.current)?;
+            let now = (reading, measurement.home);
+            self.home(running, encoder, now, reference.rests, command.current)?;
         }
         Ok(Some(command))
+    }
+
+    /// Whether the loop may be closed: never from motion, rest is proven first.
+    fn starts(&self, start: &mut Start, reading: &Reading) -> Result<bool, Fault> {
+        let Start::WaitingForRest(rest, periods) = start else {
+            return Ok(true);
+        };
+        if self.rest.rested(rest) || self.rest.may_start(rest, reading) {
+            *start = Start::AtRest;
+            return Ok(true);
+        }
+        *periods = periods.saturating_add(1);
+        if *periods as f32 * self.sample_time > PATIENCE {
+            return Err(Fault::NotAtRest);
+        }
+        Ok(false)
     }
 
     /// What is asked of the moves is begun, and the target moves on.
@@ -645,9 +631,16 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         &self,
         memory: &mut Loop<N, O::Memory>,
         asked: &mut Option<Request>,
+        homing: &mut Option<Homing>,
         set: bool,
     ) -> Result<(), Fault> {
-        let travel = self.protection.travel().copied().filter(|_| set);
+        if let Some(Request::Home(how)) = *asked
+            && memory.moves.rests()
+        {
+            *homing = Some(self.begin_homing(memory, how, asked));
+        }
+        let keeps = set && homing.is_none();
+        let travel = self.protection.travel().copied().filter(|_| keeps);
         let steps = matches!(asked, Some(Request::Step(_)));
         let before = memory.target;
         let directed = self.moves.direct(&mut memory.moves, asked, before, travel);
@@ -659,6 +652,18 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             self.protection.leaves_plan(&mut memory.protection);
         }
         Ok(())
+    }
+
+    /// The force that the reference's load exerts.
+    fn expected(
+        &self,
+        memory: &mut Expected,
+        reference: &Reference<N>,
+        feed_forward: Current,
+    ) -> Force {
+        let (mass, force_constant) = self.actuator;
+        let of_actuator = (mass, force_constant, self.sample_time);
+        memory.step(reference.displacement, feed_forward, of_actuator)
     }
 
     /// The command that holds the machine at a place, whatever the move goes on to do.

@@ -143,13 +143,14 @@ impl Memory {
     }
 
     /// Velocity of an approach to a stop.
-    pub(crate) fn to_stop(&self) -> Option<(Velocity, Current)> {
+    pub(crate) fn seeks_stop(&self) -> Option<(Velocity, Current)> {
         Some((self.homing.velocity, self.limit?))
     }
 
-    /// Whether a command pushes the actuator towards a stop, or what may be one.
+    /// Whether the reference is not to begin anew where a limited command leaves the machine: it pushes against a stop,
+    /// or what may be one, or is given up. The reference waits there, and the actuator is pushed no harder and no less.
     pub(crate) fn pushes(&self, command: Current) -> bool {
-        self.limit.is_some() && self.towards(command) > 0.0
+        self.limit.is_some() && self.towards(command) > 0.0 || self.ends()
     }
 
     /// A current, positive where it pushes along the approach, A.

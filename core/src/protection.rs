@@ -243,17 +243,15 @@ impl<const N: usize> Protection<N> {
     }
 
     /// What is looked for may lie outside of the travel.
-    pub(crate) fn leaves_travel(&self, memory: &mut Memory) {
+    pub(crate) fn leaves_travel(memory: &mut Memory) {
         memory.travel = None;
     }
 
-    /// The travel counts from now on; nothing changes where it has counted before.
+    /// The travel counts from now on.
     ///
     /// * `place`: where the actuator stands
     pub(crate) fn keeps_travel(&self, memory: &mut Memory, place: Place) {
-        if memory.travel.is_none() {
-            memory.travel = self.limits.travel.map(|travel| travel.from(place));
-        }
+        memory.travel = self.limits.travel.map(|travel| travel.from(place));
     }
 
     /// Whether one part of four is as in a copy.

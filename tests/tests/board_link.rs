@@ -341,10 +341,7 @@ fn zero_is_found_over_it() {
         for _ in 0..400 {
             for _ in 0..10 {
                 let home = host.truth()[0] > 8e-3;
-                host.rig.switches(Switches {
-                    home,
-                    ..Switches::run(0)
-                });
+                host.rig.home_switch(home);
                 let period = host.periods(1)[0];
                 slowest = slowest.max(period.instructions);
             }

@@ -5,10 +5,10 @@ use super::activity::{Loop, Running};
 use crate::encoder::{self, Reading};
 use crate::fault::Fault;
 use crate::homing::{At, Homing, Memory};
-use crate::moves::Reference;
 use crate::observer::StateObserver;
+use crate::protection::Protection;
 use crate::request::{Reason, Request};
-use crate::units::{Current, Place, Position};
+use crate::units::{Current, Place};
 
 /// Longest approach where there is no travel, s, and where there is one, as a part of its length.
 const LONGEST: f32 = 60.0;
@@ -73,7 +73,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         homing: Homing,
         asked: &mut Option<Request>,
     ) -> Memory {
-        self.protection.leaves_travel(&mut memory.protection);
+        Protection::<N>::leaves_travel(&mut memory.protection);
         *asked = Some(Request::Jog(homing.velocity));
         let longest = self.protection.travel().map_or(LONGEST, |travel| {
             let length = self.encoder.distance(travel.lowest, travel.highest);
@@ -86,7 +86,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
     /// The end of a period of a drive that homes.
     ///
     /// * `active`: whether the home switch is
-    /// * `error`: from the reference
+    /// * `rests`: whether the reference does
     #[cold]
     #[inline(never)]
     pub(super) fn home(
@@ -94,7 +94,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         running: &mut Running<N, O>,
         encoder: &mut encoder::Memory,
         (reading, active): (&Reading, bool),
-        (reference, error): (&Reference<N>, Position),
+        rests: bool,
         command: Current,
     ) -> Result<(), Fault> {
         let (Some(homing), Some(memory)) = (&mut running.homing, &mut running.memory) else {
@@ -113,7 +113,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
                 return Ok(());
             }
         }
-        if running.asked.is_some() || !reference.rests {
+        if running.asked.is_some() || !rests {
             return Ok(());
         }
         let holds = memory.standstill.holds();
@@ -131,12 +131,18 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
                     Place(name.0.wrapping_add(counts))
                 };
                 memory.target = rename(memory.target);
-                encoder.set(rename(reading.place));
+                let place = rename(reading.place);
+                encoder.set(place);
+                self.protection.keeps_travel(&mut memory.protection, place);
                 running.homing = None;
             }
             None if homing.ends() => {
-                if to_stop && error.0.abs() > self.standstill.tolerance {
-                    // Something holds it.
+                if encoder.is_set() {
+                    self.protection
+                        .keeps_travel(&mut memory.protection, reading.place);
+                }
+                if to_stop {
+                    // Something may hold it: as where a stop has been found.
                     running.memory = None;
                 }
                 running.homing = None;

@@ -68,8 +68,6 @@ pub struct Switches {
     pub excite: bool,
     /// Where the machine stands is zero.
     pub zero: bool,
-    /// The home switch is active.
-    pub home: bool,
     /// Which target, 0 to 3.
     pub target: u32,
 }
@@ -203,6 +201,11 @@ impl Rig {
         self.plant.set_state(state);
     }
 
+    /// Sets the home switch.
+    pub fn home_switch(&mut self, active: bool) {
+        self.board.bus_mut().ports[2].set_level(HOME, active);
+    }
+
     /// Puts a stop there, see [`Plant::stop_at`].
     pub fn stop_at(&mut self, position: f64) {
         self.plant.stop_at(position);
@@ -215,14 +218,12 @@ impl Rig {
             run,
             excite,
             zero,
-            home,
             target,
         } = switches;
         let port = &mut self.board.bus_mut().ports[2];
         port.set_level(RUN, run);
         port.set_level(EXCITE, excite);
         port.set_level(ZERO, zero);
-        port.set_level(HOME, home);
         for (bit, pin) in TARGET.into_iter().enumerate() {
             port.set_level(pin, target >> bit & 1 == 1);
         }
