@@ -10,6 +10,7 @@
 
 mod activity;
 mod change;
+mod homing;
 
 pub use change::Change;
 
@@ -20,6 +21,7 @@ use crate::encoder::{self, Encoder, Reading};
 use crate::excitation::Excitation;
 use crate::fault::{Fault, Reaction};
 use crate::friction::FrictionFeedForward;
+use crate::homing::Memory as Homing;
 use crate::limits::Limits;
 use crate::mode::Mode;
 use crate::moves::plans::Plans;
@@ -50,6 +52,8 @@ pub struct Measurement {
     pub count: Counts,
     /// Current that was applied over the period that ends now, as the output really made it.
     pub current: Current,
+    /// Whether the home switch is active now.
+    pub home: bool,
 }
 
 /// What the drive has to do over the next period.
@@ -76,6 +80,8 @@ pub struct Controller<'p, const N: usize, O: StateObserver<N>> {
     stiction: Option<f32>,
     /// Of the motor, whatever the mode.
     heat: Heat,
+    /// Whether the home switch was active in the last period.
+    home: bool,
     telemetry: Telemetry<[f32; N]>,
     /// The parts once more: what a disturbed memory changes shows as a difference. Last, because what is used
     /// in each period lies where one instruction reaches it.
@@ -121,6 +127,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             activity: Activity::Idle,
             stiction: None,
             heat: 0.0,
+            home: false,
             telemetry: Telemetry::default(),
         })
     }
@@ -152,10 +159,27 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             (Request::Excite, Some(excitation), activity) => {
                 *activity = Activity::Exciting(Exciting::new(excitation));
             }
+            (
+                Request::Step(_) | Request::Move(_) | Request::Jog(_) | Request::Home(_),
+                _,
+                Activity::Running(Running {
+                    homing: Some(_), ..
+                }),
+            ) => return refused(Reason::Homing),
+            (Request::Home(homing), _, Activity::Running(running)) => {
+                let allowed = self.parts.may_home(&homing, self.home, self.stiction);
+                if let Err(reason) = allowed {
+                    return refused(reason);
+                }
+                running.asked = Some(request);
+            }
             (Request::Jog(Velocity(velocity)), ..) if !velocity.is_finite() => {
                 return refused(Reason::Unreachable);
             }
             (Request::Jog(_) | Request::Halt, _, Activity::Running(running)) => {
+                if let Some(homing) = &mut running.homing {
+                    homing.end();
+                }
                 running.asked = Some(request);
             }
             (Request::Step(target) | Request::Move(target), _, Activity::Running(running)) => {
@@ -214,6 +238,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             Activity::Running(Running {
                 memory: Some(memory),
                 asked: None,
+                homing: None,
                 ..
             }) if memory.moves.rests() => Course::Held(memory.target),
             Activity::Running(Running {
@@ -236,7 +261,17 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         let memory = running.memory.as_ref();
         let under_way = memory.is_some_and(|memory| memory.moves.jogs());
         let waits = matches!(running.asked, Some(Request::Jog(_)));
-        running.stopping.is_none() && (under_way || waits)
+        running.stopping.is_none() && running.homing.is_none() && (under_way || waits)
+    }
+
+    /// Whether it looks for zero, or is about to: who asked is to be watched.
+    #[must_use]
+    pub fn homes(&self) -> bool {
+        let Activity::Running(running) = &self.activity else {
+            return false;
+        };
+        let waits = matches!(running.asked, Some(Request::Home(_)));
+        running.stopping.is_none() && (running.homing.is_some() || waits)
     }
 
     /// Record of the last period.
@@ -260,6 +295,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         telemetry.count = measurement.count.0;
         telemetry.position = parts.encoder.position(reading.place).0;
         telemetry.position_set = self.encoder.is_set();
+        self.home = measurement.home;
 
         if !parts.same(&self.copy, telemetry.period) {
             self.activity.trip(Fault::Settings);
@@ -280,8 +316,8 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         let result = watched.and_then(|()| match &mut self.activity {
             Activity::Running(running) => parts.run(
                 running,
-                measurement.current,
-                &reading,
+                &mut self.encoder,
+                (&measurement, &reading),
                 telemetry,
                 (self.stiction, self.heat),
             ),
@@ -480,32 +516,26 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
     fn run(
         &self,
         running: &mut Running<N, O>,
-        current: Current,
-        reading: &Reading,
+        encoder: &mut encoder::Memory,
+        (measurement, reading): (&Measurement, &Reading),
         telemetry: &mut Telemetry<[f32; N]>,
         (stiction, heat): (Option<f32>, Heat),
     ) -> Outcome {
-        // Never from motion: rest is proven first.
-        if let Start::WaitingForRest(rest, periods) = &mut running.start {
-            if !self.rest.rested(rest) && !self.rest.may_start(rest, reading) {
-                *periods = periods.saturating_add(1);
-                if *periods as f32 * self.sample_time > PATIENCE {
-                    return Err(Fault::NotAtRest.into());
-                }
-                return Ok(Some(Command::default()));
-            }
-            running.start = Start::AtRest;
+        if !self.starts(&mut running.start, reading)? {
+            return Ok(Some(Command::default()));
         }
+        // What is looked for may lie outside of the travel.
+        let set = telemetry.position_set && running.homing.is_none();
         let (memory, displacement, current) = match &mut running.memory {
-            Some(memory) => (memory, reading.displacement, current),
+            Some(memory) => (memory, reading.displacement, measurement.current),
             // What was before the start is not the observers' to know.
             none => (
-                none.insert(self.begin(reading.place, telemetry.position_set, stiction)),
+                none.insert(self.begin(reading.place, set, stiction)),
                 0.0,
                 self.holding_current(),
             ),
         };
-        self.direct(memory, &mut running.asked, telemetry.position_set)?;
+        self.direct(memory, &mut running.asked, &mut running.homing, set)?;
         let reference = self.moves.step(&mut memory.moves);
         let position = self.encoder.distance(memory.target, reading.place);
         let error = Position(position.0 - reference.position.0);
@@ -530,22 +560,14 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         let difference = self.observer.step(&mut memory.observer, &seen);
         memory.difference = difference;
         let velocity = Velocity(reference.displacement / self.sample_time);
-        let of_actuator = (self.actuator, self.sample_time);
-        let expected = memory
-            .expected
-            .step(reference.displacement, fed.moves, of_actuator);
+        let expected = self.expected(&mut memory.expected, &reference, fed.moves);
         let estimate = on_reference(&difference, &reference, velocity);
         let reaction_force = Force(reaction_force.0 + expected.0);
 
         let disturbance = Force(disturbance.force.0 + expected.0);
         let target = self.encoder.position(memory.target);
-        record(
-            telemetry,
-            target,
-            &reference,
-            &estimate,
-            (disturbance, reaction_force),
-        );
+        let forces = (disturbance, reaction_force);
+        record(telemetry, target, &reference, &estimate, forces);
 
         let period = Period {
             reading,
@@ -556,8 +578,12 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             reaction_force,
             estimate: &estimate,
             reference: &reference,
+            to_stop: running.homing.as_ref().and_then(Homing::seeks_stop),
         };
-        if let Err(trip) = self.protection.running(&mut memory.protection, &period) {
+        let watched = self.protection.running(&mut memory.protection, &period);
+        let sought = |homing: &mut Homing| homing.wait(self.sample_time);
+        let watched = watched.and_then(|()| running.homing.as_mut().map_or(Ok(()), sought));
+        if let Err(trip) = watched {
             if trip.fault.reaction() == Reaction::Off {
                 return Err(trip);
             }
@@ -583,15 +609,41 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             .step(&mut memory.standstill, reference.rests, &difference);
         let friction = self.friction.step(velocity).0 + rule.friction.0;
         memory.fed.friction = Current(friction * self.current_per_force);
-        let command = self.limited(Current(
+        let wanted = Current(
             reference.feed_forward.0
                 + memory.fed.friction.0
                 + feedback.0
                 + rule.compensation.0 * self.current_per_force,
-        ))?;
-        let cut = command.is_some_and(|command| command.limited) && !reference.rests;
-        self.slip(memory, &mut running.asked, cut.then_some(error));
-        Ok(command)
+        );
+        let homing = running.homing.as_ref();
+        let command = within(&self.limits_of(homing), wanted)?;
+        let cut = command.limited && !reference.rests;
+        if !homing.is_some_and(|homing| homing.pushes(command.current)) {
+            self.slip(memory, &mut running.asked, cut.then_some(error));
+        } else if cut {
+            self.set_back(memory, Position(-reference.displacement));
+        }
+        if homing.is_some() {
+            let now = (reading, measurement.home);
+            self.home(running, encoder, now, reference.rests, command.current)?;
+        }
+        Ok(Some(command))
+    }
+
+    /// Whether the loop may be closed: never from motion, rest is proven first.
+    fn starts(&self, start: &mut Start, reading: &Reading) -> Result<bool, Fault> {
+        let Start::WaitingForRest(rest, periods) = start else {
+            return Ok(true);
+        };
+        if self.rest.rested(rest) || self.rest.may_start(rest, reading) {
+            *start = Start::AtRest;
+            return Ok(true);
+        }
+        *periods = periods.saturating_add(1);
+        if *periods as f32 * self.sample_time > PATIENCE {
+            return Err(Fault::NotAtRest);
+        }
+        Ok(false)
     }
 
     /// What is asked of the moves is begun, and the target moves on.
@@ -599,9 +651,16 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         &self,
         memory: &mut Loop<N, O::Memory>,
         asked: &mut Option<Request>,
+        homing: &mut Option<Homing>,
         set: bool,
     ) -> Result<(), Fault> {
-        let travel = self.protection.travel().copied().filter(|_| set);
+        if let Some(Request::Home(how)) = *asked
+            && memory.moves.rests()
+        {
+            *homing = Some(self.begin_homing(memory, how, asked));
+        }
+        let keeps = set && homing.is_none();
+        let travel = self.protection.travel().copied().filter(|_| keeps);
         let steps = matches!(asked, Some(Request::Step(_)));
         let before = memory.target;
         let directed = self.moves.direct(&mut memory.moves, asked, before, travel);
@@ -613,6 +672,17 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             self.protection.leaves_plan(&mut memory.protection);
         }
         Ok(())
+    }
+
+    /// The force that the reference's load exerts.
+    fn expected(
+        &self,
+        memory: &mut Expected,
+        reference: &Reference<N>,
+        feed_forward: Current,
+    ) -> Force {
+        let of_actuator = (self.actuator, self.sample_time);
+        memory.step(reference.displacement, feed_forward, of_actuator)
     }
 
     /// The command that holds the machine at a place, whatever the move goes on to do.
@@ -645,13 +715,19 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         }
         memory.limited = 0;
         let before = memory.target;
-        let counts = self.encoder.place(Position(error)).0;
-        memory.target = Place(before.0.wrapping_add(counts));
-        let distance = self.encoder.distance(before, memory.target);
-        self.observer.shift(&mut memory.observer, distance);
+        self.set_back(memory, Position(error));
         if asked.is_none() && !memory.moves.jogs() {
             *asked = Some(Request::Move(before));
         }
+    }
+
+    /// The target moves by a distance, in whole counts, and the reference with it.
+    fn set_back(&self, memory: &mut Loop<N, O::Memory>, distance: Position) {
+        let before = memory.target;
+        let counts = self.encoder.place(distance).0;
+        memory.target = Place(before.0.wrapping_add(counts));
+        let distance = self.encoder.distance(before, memory.target);
+        self.observer.shift(&mut memory.observer, distance);
     }
 
     /// The command of an open loop: a current beside what carries the machine.
@@ -661,13 +737,28 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
 
     /// The command that applies a current as far as the limits allow.
     fn limited(&self, current: Current) -> Outcome {
-        let limited = self.limits.step(current).ok_or(Fault::NonFinite)?;
-        Ok(Some(Command {
-            current: limited.current,
-            enable: true,
-            limited: limited.limited,
-        }))
+        Ok(Some(within(&self.limits, current)?))
     }
+
+    /// What limits the command.
+    fn limits_of(&self, homing: Option<&Homing>) -> Limits {
+        homing
+            .and_then(Homing::limit)
+            .map_or(self.limits, |current| Limits {
+                current_limit: current.0,
+                ..self.limits
+            })
+    }
+}
+
+/// The command that applies a current as far as limits allow.
+fn within(limits: &Limits, current: Current) -> Result<Command, Fault> {
+    let limited = limits.step(current).ok_or(Fault::NonFinite)?;
+    Ok(Command {
+        current: limited.current,
+        enable: true,
+        limited: limited.limited,
+    })
 }
 
 /// What a period of the closed loop found, into its record.

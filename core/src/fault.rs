@@ -115,6 +115,8 @@ faults! {
     22 TrackingError Off "the actuator is farther from its planned move than any machine near the description can be",
         "look for what pushes or holds it, for a fault of encoder or amplifier, or identify the load anew",
         Some("protection.tracking_error");
+    23 Homing Brake "homing has found nothing: neither a stop nor the edge of the home switch",
+        "check the direction of the approach and the home switch, begin nearer, or approach faster", None;
 }
 
 impl Fault {

@@ -22,6 +22,7 @@
 //! | [`link`] | the same on a wire | |
 //! | [`fault`], [`protection`] | the faults, and what watches for them | |
 //! | `direction_check` | a small motion that proves the signs | |
+//! | [`homing`] | the drive finds its zero | |
 //! | [`excitation`] | a current played in open loop, for identification | |
 //! | [`settings`] | all that the core knows of a drive, plain data | |
 //! | [`telemetry`] | one record per period | |
@@ -51,7 +52,7 @@
 //!     };
 //!     controller.request(Request::Commission)?;
 //!     // When it is ready: Request::Start, then Request::Move(Place(30_000)).
-//!     Ok(controller.step(Measurement { count: Counts(0), current: Current(0.0) }))
+//!     Ok(controller.step(Measurement { count: Counts(0), current: Current(0.0), home: false }))
 //! }
 //! ```
 #![no_std]
@@ -68,6 +69,7 @@ pub mod excitation;
 pub mod fault;
 pub mod filter;
 pub mod friction;
+pub mod homing;
 pub mod indicator;
 pub mod limits;
 pub mod link;
@@ -91,6 +93,7 @@ pub use check::SettingsError;
 pub use controller::{Command, Controller, Measurement};
 pub use excitation::Excitation;
 pub use fault::Fault;
+pub use homing::Homing;
 pub use indicator::Vibration;
 pub use mode::Mode;
 pub use request::{Refusal, Request};

@@ -169,6 +169,11 @@ impl<'p> Moves<'p> {
         self.ticks(&self.plans.change).unsigned_abs() / 8
     }
 
+    /// Whether a cruise at that velocity, m/s, is one.
+    pub(crate) fn cruises(&self, velocity: f32) -> bool {
+        (self.velocity(1)..=self.plans.change.reach).contains(&velocity)
+    }
+
     /// Whether these are as in their copy.
     pub(crate) fn same(&self, copy: &Self) -> bool {
         self.plans.same(&copy.plans)

@@ -28,7 +28,7 @@ use crate::fault::Fault;
 use crate::limits::Limits;
 use crate::moves::Reference;
 use crate::observer::Estimate;
-use crate::units::{Current, Force, Place, Position, Travel};
+use crate::units::{Current, Force, Place, Position, Travel, Velocity};
 pub use model_error::ModelError;
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
@@ -129,6 +129,8 @@ pub(crate) struct Period<'a, const N: usize> {
     pub(crate) reaction_force: Force,
     pub(crate) estimate: &'a Estimate<N>,
     pub(crate) reference: &'a Reference<N>,
+    /// Where there may be a stop: the approach's velocity and largest current.
+    pub(crate) to_stop: Option<(Velocity, Current)>,
 }
 
 impl<const N: usize> Period<'_, N> {
@@ -152,6 +154,9 @@ pub(crate) struct Protection<const N: usize> {
     holding_force: f32,
     holding_current: f32,
     force_constant: f32,
+    /// Force that stops the actuator within a period, over its velocity: `m_a / T`, N s/m.
+    stopping: f32,
+    sample_time: f32,
 }
 
 /// What the watches of a running drive remember.
@@ -214,6 +219,8 @@ impl<const N: usize> Protection<N> {
             holding_force,
             holding_current: holding_force / actuator.actual_force_constant(),
             force_constant: actuator.actual_force_constant(),
+            stopping: actuator.actual_mass() / sample_time,
+            sample_time,
         }
     }
 
@@ -249,6 +256,18 @@ impl<const N: usize> Protection<N> {
         self.tracking.leaves(&mut memory.tracking);
     }
 
+    /// What is looked for may lie outside of the travel.
+    pub(crate) fn leaves_travel(memory: &mut Memory) {
+        memory.travel = None;
+    }
+
+    /// The travel counts from now on.
+    ///
+    /// * `place`: where the actuator stands
+    pub(crate) fn keeps_travel(&self, memory: &mut Memory, place: Place) {
+        memory.travel = self.limits.travel.map(|travel| travel.from(place));
+    }
+
     /// Whether one part of four is as in a copy.
     pub(crate) fn same(&self, copy: &Self, part: usize) -> bool {
         match part % 4 {
@@ -269,6 +288,7 @@ impl<const N: usize> Protection<N> {
                         copy.holding_current,
                         copy.force_constant,
                     )
+                    && (self.stopping, self.sample_time) == (copy.stopping, copy.sample_time)
             }
         }
     }
@@ -276,6 +296,11 @@ impl<const N: usize> Protection<N> {
     /// The travel that the settings allow.
     pub(crate) const fn travel(&self) -> Option<&Travel> {
         self.limits.travel.as_ref()
+    }
+
+    /// Largest change of the actuator's motion that the current does not explain, m per period.
+    pub(crate) const fn encoder_step(&self) -> f32 {
+        self.limits.encoder_step
     }
 
     /// One period of any mode: how hot the motor is. What cannot have been applied has not heated it.
@@ -301,17 +326,29 @@ impl<const N: usize> Protection<N> {
             reading, current, ..
         } = period;
         let moving = Current(current.0 - self.holding_current);
+        let more = period
+            .to_stop
+            .map_or(0.0, |(_, current)| self.encoder_step.at_stop(current));
         self.encoder_step
-            .step(&mut memory.encoder_step, reading, moving)?;
+            .step(&mut memory.encoder_step, reading, moving, more)?;
         let planned = self.force_constant * period.reference.feed_forward.0;
         let planned = self.limits.model_error.step(&mut memory.planned, planned);
-        within::step(&self.limits, self.holding_force, planned, period)?;
+        let stop = period.to_stop.map(|(Velocity(velocity), current)| {
+            let force = self.force_constant * current.0 + self.stopping * velocity.abs();
+            let fastest = velocity.abs() + self.limits.encoder_step / self.sample_time;
+            (2.0 * force, fastest)
+        });
+        within::step(&self.limits, self.holding_force, (planned, stop), period)?;
         let more = self.limits.model_error.tracking_error * planned;
         self.tracking
             .step(&mut memory.tracking, period.error(), more)?;
         let unexplained = period.estimate.disturbance.0 + period.estimate.innovation.0;
         let forces = [self.stall.motor(*current), unexplained];
-        stall::Stall::step(&mut memory.stall, reading, forces)?;
+        if stop.is_some() {
+            self.leaves_plan(memory);
+        } else {
+            stall::Stall::step(&mut memory.stall, reading, forces)?;
+        }
         self.saturation.step(&mut memory.saturated, *current)?;
         travel::step(memory.travel, reading.place, period.from_zero)?;
         self.thermal.judge(period.heat)

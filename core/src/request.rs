@@ -1,6 +1,7 @@
 //! What is asked of the drive, and what it answers. Plain data without a transport; [`link`](crate::link) puts it on a
 //! wire.
 
+use crate::homing::Homing;
 use crate::mode::Mode;
 use crate::units::{Place, Velocity};
 use core::fmt;
@@ -32,6 +33,8 @@ pub enum Request {
     MoveBy(i64),
     /// Move at that velocity until something else is asked; running drives only.
     Jog(Velocity),
+    /// Find zero; begins when the machine rests, and is ended by `Halt` and `Stop`; running drives only.
+    Home(Homing),
     /// Come to rest by a plan and stay there; running drives only.
     Halt,
     /// Keep the amplifier off until the reset, so that settings can be written; drives without current only.
@@ -77,6 +80,16 @@ pub enum Reason {
     Leap,
     /// The motor is warm, which the reset would forget.
     Warm,
+    /// No approach of homing is that slow, or that fast.
+    Velocity,
+    /// The current of homing is none that finds a stop.
+    Current,
+    /// The machine is to move back from a stop, farther than it may stand off.
+    BackOff,
+    /// The home switch is active already.
+    HomeSwitch,
+    /// The drive homes, which is to be ended first.
+    Homing,
 }
 
 impl Mode {
@@ -96,6 +109,7 @@ impl Mode {
                 | Request::Move(_)
                 | Request::MoveBy(_)
                 | Request::Jog(_)
+                | Request::Home(_)
                 | Request::Halt
                 | Request::Change,
             ) => Ok(Self::Running),
@@ -125,6 +139,7 @@ impl fmt::Display for Refusal {
             Request::Step(_) => ("step", "a running"),
             Request::Move(_) | Request::MoveBy(_) => ("move", "a running"),
             Request::Jog(_) => ("jog", "a running"),
+            Request::Home(_) => ("home", "a running"),
             Request::Halt => ("halt", "a running"),
             Request::Store => ("store", "an idle, ready or faulted"),
             Request::Change => ("change settings", "a running"),
@@ -137,6 +152,27 @@ impl fmt::Display for Refusal {
             ),
             Reason::RunSwitch => write!(f, "{request}: the run switch is open, the drive is "),
             Reason::Unreachable => write!(f, "{request}: no move leads there, the drive is "),
+            Reason::Velocity => write!(
+                f,
+                "{request}: the approach is too slow to be made or too fast to be ended, the drive is "
+            ),
+            Reason::Current => write!(
+                f,
+                "{request}: the current must be below the drive's limit and above what friction and weight take, \
+                 the drive is "
+            ),
+            Reason::BackOff => write!(
+                f,
+                "{request}: it must move back from a stop by more than it may stand off, the drive is "
+            ),
+            Reason::HomeSwitch => write!(
+                f,
+                "{request}: the home switch is active already, move off it first, the drive is "
+            ),
+            Reason::Homing => write!(
+                f,
+                "{request}: it is homing and to be halted first, the drive is "
+            ),
             Reason::NoExcitation => write!(f, "{request}: there is nothing to play, the drive is "),
             Reason::NoSettings => write!(f, "{request}: none were handed over, the drive is "),
             Reason::Restart => write!(
@@ -177,8 +213,16 @@ mod tests {
 
     use super::*;
     use crate::fault::Fault;
+    use crate::homing::At;
     use std::string::ToString;
     use std::vec;
+
+    const HOMING: Homing = Homing {
+        velocity: Velocity(-0.05),
+        at: At::Input,
+        position: Place(0),
+        back_off: 1000,
+    };
 
     const MODES: [Mode; 8] = [
         Mode::Idle,
@@ -226,6 +270,7 @@ mod tests {
             (Request::Move(Place(10_000)), vec![(Running, Running)]),
             (Request::MoveBy(-10_000), vec![(Running, Running)]),
             (Request::Jog(Velocity(0.1)), vec![(Running, Running)]),
+            (Request::Home(HOMING), vec![(Running, Running)]),
             (Request::Halt, vec![(Running, Running)]),
             (Request::Change, vec![(Running, Running)]),
             (
@@ -270,6 +315,7 @@ mod tests {
             Request::Move(Place(0)),
             Request::MoveBy(1),
             Request::Jog(Velocity(0.1)),
+            Request::Home(HOMING),
             Request::Halt,
             Request::Store,
             Request::Change,

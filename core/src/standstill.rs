@@ -87,6 +87,11 @@ impl Memory {
             ..Self::default()
         }
     }
+
+    /// Whether it has settled and is held.
+    pub(crate) const fn holds(&self) -> bool {
+        self.holds
+    }
 }
 
 /// What the rule says for one period.

@@ -36,7 +36,8 @@ pub struct Position(pub f32);
 pub struct Velocity<T = f32>(pub T);
 
 /// Current, A.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Current<T = f32>(pub T);
 
 /// Force, N.

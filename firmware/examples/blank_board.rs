@@ -9,7 +9,8 @@ use arso_core::link::image::PlanTable;
 use arso_core::{Command, Counts, Current};
 use arso_firmware::board::{
     AmplifierFault, Board, Capabilities, ControlTimer, CurrentOutput, CycleCounter, Encoder,
-    FlashError, Hardware, Inputs, Levels, RunSwitch, Serial, Slot, Spare, Storage, Watchdog,
+    FlashError, Hardware, HomeSwitch, Inputs, Levels, RunSwitch, Serial, Slot, Spare, Storage,
+    Watchdog,
 };
 use arso_firmware::drive::{self, LastMoves, Queues};
 use arso_firmware::settings::choose;
@@ -29,6 +30,7 @@ impl Board for Blank {
     type Cycles = Self;
     type RunSwitch = Self;
     type AmplifierFault = Self;
+    type HomeSwitch = Self;
     type Inputs = Self;
     type Serial = Self;
     type Watchdog = Self;
@@ -74,6 +76,12 @@ impl RunSwitch for Blank {
 }
 
 impl AmplifierFault for Blank {
+    fn active(&mut self) -> bool {
+        false
+    }
+}
+
+impl HomeSwitch for Blank {
     fn active(&mut self) -> bool {
         false
     }
@@ -140,6 +148,7 @@ fn main() -> ! {
         cycles: Blank,
         run_switch: Blank,
         amplifier_fault: Blank,
+        home_switch: Blank,
         inputs: Blank,
         serial: Blank,
         watchdog: Blank,

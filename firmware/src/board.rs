@@ -30,6 +30,8 @@ pub trait Board {
     type RunSwitch: RunSwitch;
     /// What its amplifier reports.
     type AmplifierFault: AmplifierFault;
+    /// Its home switch.
+    type HomeSwitch: HomeSwitch;
     /// Its other switches.
     type Inputs: Inputs;
     /// The line of its link.
@@ -63,6 +65,8 @@ pub struct Hardware<B: Board> {
     pub run_switch: B::RunSwitch,
     /// See [`Board::AmplifierFault`].
     pub amplifier_fault: B::AmplifierFault,
+    /// See [`Board::HomeSwitch`].
+    pub home_switch: B::HomeSwitch,
     /// See [`Board::Inputs`].
     pub inputs: B::Inputs,
     /// See [`Board::Serial`].
@@ -108,6 +112,12 @@ pub trait RunSwitch {
 /// What the amplifier reports, read in every control period.
 pub trait AmplifierFault {
     /// Whether it reports a fault; a line that cannot be read does.
+    fn active(&mut self) -> bool;
+}
+
+/// The home switch, read in every control period: where it becomes active is where homing by input finds its place.
+pub trait HomeSwitch {
+    /// Whether it is active; one that cannot be read is not.
     fn active(&mut self) -> bool;
 }
 

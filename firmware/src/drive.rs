@@ -1,8 +1,8 @@
 //! The drive on a board: one control period, and everything that may take its time.
 
 use crate::board::{
-    AmplifierFault, Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware, Inputs,
-    RunSwitch, Serial, SpareOf, Watchdog,
+    AmplifierFault, Board, ControlTimer, CurrentOutput, CycleCounter, Encoder, Hardware,
+    HomeSwitch, Inputs, RunSwitch, Serial, SpareOf, Watchdog,
 };
 use crate::identity;
 use crate::keeping::{Due, Keeping, Objection};
@@ -51,9 +51,10 @@ type Settings = Change<'static, LOADS, Observer>;
 /// What a control period was.
 struct Period {
     record: Telemetry<[f32; LOADS]>,
-    /// What was done with the machine, and whether it jogs.
+    /// What was done with the machine, whether it jogs, and whether it homes.
     course: Course,
     jogs: bool,
+    homes: bool,
     /// Whether the run switch was closed.
     run_switch: bool,
 }
@@ -83,6 +84,7 @@ pub struct Control<B: Board> {
     cycles: B::Cycles,
     run_switch: B::RunSwitch,
     amplifier_fault: B::AmplifierFault,
+    home_switch: B::HomeSwitch,
     /// When the interrupt before this one began, and cycles of a control period.
     before: Option<u32>,
     cycles_per_period: u32,
@@ -146,6 +148,7 @@ pub fn new<B: Board>(
         cycles: hardware.cycles,
         run_switch: hardware.run_switch,
         amplifier_fault: hardware.amplifier_fault,
+        home_switch: hardware.home_switch,
         before: None,
         cycles_per_period: (B::Cycles::HZ / 1_000_000) * period_us(settings),
         controller,
@@ -238,6 +241,7 @@ impl<B: Board> Control<B> {
         let measurement = Measurement {
             count: self.encoder.count(),
             current: self.applied,
+            home: self.home_switch.active(),
         };
         let command = self.controller.step(measurement);
         self.applied = self.output.apply(&command);
@@ -256,6 +260,7 @@ impl<B: Board> Control<B> {
             record,
             course,
             jogs: self.controller.jogs(),
+            homes: self.controller.homes(),
             run_switch: run,
         });
     }
@@ -291,6 +296,7 @@ impl<B: Board> Idle<B> {
                 record,
                 course,
                 jogs,
+                homes,
                 run_switch,
             } = period;
             self.watchdog.feed();
@@ -311,6 +317,7 @@ impl<B: Board> Idle<B> {
             let seen = Seen {
                 course,
                 jogs,
+                homes,
                 run_switch,
                 vibration: self.log.vibration(),
             };

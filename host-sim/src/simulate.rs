@@ -276,7 +276,11 @@ pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Res
     let mut time = 0.0;
     while time < COMMISSIONING {
         let count = Counts(plant.count());
-        let command = core.step(Measurement { count, current });
+        let command = core.step(Measurement {
+            count,
+            current,
+            home: false,
+        });
         current = command.current;
         plant.enable(command.enable);
         match core.record().mode {
@@ -305,6 +309,7 @@ impl Control for Core<'_> {
         let command = self.0.step(Measurement {
             count: Counts(count),
             current: Current(applied as f32),
+            home: false,
         });
         let record = self.0.record();
         Ok(ControlOutput {

@@ -120,7 +120,13 @@ pub fn moves(number: u64, moves: usize) -> Vec<Alarm> {
             let noise = random.random_range(-1..=1_i32);
             let count = plant.count().wrapping_add_signed(noise) & 0xFFFF;
             let count = Counts(count);
-            current = core.step(Measurement { count, current }).current;
+            current = core
+                .step(Measurement {
+                    count,
+                    current,
+                    home: false,
+                })
+                .current;
             if k == 0 {
                 core.request(asked).expect("it runs");
             }

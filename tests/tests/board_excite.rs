@@ -64,6 +64,7 @@ fn host_counts(drive: &Drive, machine: &PlantFile, play: &ExcitationPlan) -> (Ve
         let command = core.step(Measurement {
             count: Counts(count),
             current,
+            home: false,
         });
         if !command.enable {
             // Waiting for rest, or at the end.

@@ -1,10 +1,11 @@
 //! The link of the release ELF on the virtual board: commanded over its serial line, and abused over it.
 #![cfg(feature = "virtual-board")]
 
+use arso_core::homing::{At, Homing};
 use arso_core::link::frame::Receiver;
 use arso_core::link::message::{Answer, Ask, Asked, HELLO, Introduction, TAG, VERSION, WORDS};
 use arso_core::request::{Reason, Request};
-use arso_core::{Mode, Place, Velocity};
+use arso_core::{Current, Mode, Place, Velocity};
 use arso_tests::virtual_board::host::{Host, framed};
 use arso_tests::virtual_board::image::{Image, RAM, RAM_SIZE};
 use arso_tests::virtual_board::rig::{Period, Switches};
@@ -183,6 +184,70 @@ fn a_jog_ends_in_a_planned_stop_where_the_host_is_unplugged() {
     let status = host.status();
     assert_eq!(status.mode, Mode::Running);
     assert!(status.held.is_some() && !status.jogging && status.damaged == 1);
+}
+
+/// By a stop at -5 mm, and then by the home switch, active above 8 mm; places by their true positions.
+#[test]
+fn zero_is_found_over_it() {
+    let mut host = Host::running();
+    host.rig.stop_at(-5e-3);
+    let stop = Homing {
+        velocity: Velocity(-0.05),
+        at: At::Stop {
+            current: Current(0.3),
+        },
+        position: Place(0),
+        back_off: 4000,
+    };
+    let mut slowest = 0;
+    let mut home = |host: &mut Host, homing: Homing| {
+        assert_eq!(host.request(Request::Home(homing)), Ok(()));
+        assert!(host.status().homing);
+        for _ in 0..400 {
+            for _ in 0..10 {
+                let home = host.truth()[0] > 8e-3;
+                host.rig.home_switch(home);
+                let period = host.periods(1)[0];
+                slowest = slowest.max(period.instructions);
+            }
+            let status = host.status();
+            if !status.homing {
+                return status;
+            }
+        }
+        panic!("{:?}", host.status());
+    };
+    let found = home(&mut host, stop);
+    assert_eq!((found.mode, found.held), (Mode::Running, Some(Place(4000))));
+    assert!(found.position_set);
+    for position in host.truth() {
+        assert!((position + 1e-3).abs() < 50e-6, "{position}");
+    }
+    let input = Homing {
+        velocity: Velocity(0.05),
+        at: At::Input,
+        position: Place(1000),
+        ..stop
+    };
+    let found = home(&mut host, input);
+    assert_eq!(
+        (found.mode, found.held),
+        (Mode::Running, Some(Place(-3000)))
+    );
+    for position in host.truth() {
+        // A period of the approach beyond the edge at most.
+        assert!(
+            (4e-3 - 50e-6..4e-3 + 100e-6).contains(&position),
+            "{position}"
+        );
+    }
+    println!("{slowest} instructions at most");
+    // The host is gone.
+    assert_eq!(host.request(Request::Home(stop)), Ok(()));
+    host.periods(1000);
+    let status = host.status();
+    assert!(status.held.is_some() && !status.homing, "{status:?}");
+    assert_eq!(status.mode, Mode::Running);
 }
 
 /// What waits for rest is never held on the way, and a jog that waits is watched.

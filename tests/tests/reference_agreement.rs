@@ -75,6 +75,7 @@ fn core_follows_the_reference_step_by_step() {
             let found = core.step(Measurement {
                 count: Counts(sample.count),
                 current: Current(sample.applied_current as f32),
+                home: false,
             });
             let expected = reference.step(sample.count, sample.applied_current, TARGET);
             let record = core.record();

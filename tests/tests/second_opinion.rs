@@ -31,7 +31,13 @@ fn recording() -> (Vec<u8>, Vec<u32>) {
             controller.request(request).unwrap();
         }
         let count = Counts(count.into());
-        current = controller.step(Measurement { count, current }).current;
+        current = controller
+            .step(Measurement {
+                count,
+                current,
+                home: false,
+            })
+            .current;
         let record = controller.telemetry();
         answer.extend([current.0.to_bits(), record.reaction_force.to_bits()]);
         let loads = record.load_position.iter().chain(&record.load_velocity);

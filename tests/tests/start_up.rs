@@ -42,7 +42,11 @@ fn started(design: &Design, plant: &PlantFile, hidden: Hidden) -> (Mode, f64) {
     for _ in 0..10_000 {
         let counts = noise.sample(&mut random).round() as i32;
         let count = Counts(plant.count().wrapping_add_signed(counts));
-        let command = core.step(Measurement { count, current });
+        let command = core.step(Measurement {
+            count,
+            current,
+            home: false,
+        });
         current = command.current;
         plant.enable(command.enable);
         let flowing = f64::from(current.0) + if command.enable { hidden.offset } else { 0.0 };

@@ -6,6 +6,7 @@ use crate::disturbance::{self, DisturbanceObserver};
 use crate::encoder::Reading;
 use crate::excitation::{self, Excitation};
 use crate::fault::Fault;
+use crate::homing;
 use crate::mode::Mode;
 use crate::moves;
 use crate::observer::{Estimate, StateObserver};
@@ -132,6 +133,8 @@ pub(super) struct Running<const N: usize, O: StateObserver<N>> {
     pub(super) asked: Option<Request>,
     /// The stand that a fault asks for.
     pub(super) stopping: Option<Stopping>,
+    /// The search for zero.
+    pub(super) homing: Option<homing::Memory>,
 }
 
 impl<const N: usize, O: StateObserver<N>> Running<N, O> {
@@ -142,6 +145,7 @@ impl<const N: usize, O: StateObserver<N>> Running<N, O> {
             memory: None,
             asked: None,
             stopping: None,
+            homing: None,
         }
     }
 

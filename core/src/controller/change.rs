@@ -84,6 +84,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         let Activity::Running(Running {
             memory: Some(memory),
             asked: None,
+            homing: None,
             ..
         }) = &self.activity
         else {

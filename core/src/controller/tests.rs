@@ -2,6 +2,8 @@
 
 extern crate std;
 
+mod homing;
+
 use super::*;
 use crate::actuator::Actuator;
 use crate::amplifier::Amplifier;
@@ -137,6 +139,7 @@ fn measured(count: u32, current: f32) -> Measurement {
     Measurement {
         count: Counts(count),
         current: Current(current),
+        home: false,
     }
 }
 

@@ -14,13 +14,19 @@
 //! | target velocity, profile velocity | `Jog` |
 //! | homing at the present place (method 37) | `SetPosition` |
 //! | store parameters (object 1010h) | `Store`, and a set of settings |
+//! | homing operation start (rising bit 4), homing | `Home` |
+//!
+//! Of `Home`, 6098h (method) and the direction of 6099h (speeds) say what is looked for: 20 and 22 are the edge of the
+//! home switch on the way up and down, −1 and −2, the manufacturer's own, a stop there. 607Ch (home offset) is
+//! `position` the other way round; current and way back have no object. *Homing attained* is `position_set`: homing
+//! ends with its mode, so in it bits 10, 12 and 13 of the statusword are zero, in progress; an error is a fault.
 //!
 //! | mode of the drive | state | mode of operation |
 //! |---|---|---|
 //! | `Idle` | switch on disabled: the signs are not proven | none (0) |
 //! | `Ready` | ready to switch on; switched on while the run switch is closed | none |
 //! | `Commissioning`, `Exciting` | operation enabled | −1, −2: the manufacturer's own |
-//! | `Running` | operation enabled | profile position (1), profile velocity (3) while it jogs |
+//! | `Running` | operation enabled | profile position (1), profile velocity (3) while it jogs, homing (6) |
 //! | `Stopping` | fault reaction active | profile position |
 //! | `Fault` | fault | none |
 //! | `Storing` | switch on disabled | none |
@@ -109,6 +115,7 @@ impl Status {
         match self.mode {
             Mode::Commissioning => -1,
             Mode::Exciting => -2,
+            Mode::Running if self.homing => 6,
             Mode::Running if self.jogging => 3,
             Mode::Running | Mode::Stopping(_) => 1,
             Mode::Idle | Mode::Ready | Mode::Fault(_) | Mode::Storing => 0,
@@ -177,5 +184,10 @@ mod tests {
         assert_eq!(held.statusword(), 0x0437);
         assert_eq!(status(Mode::Running).statusword(), 0x0037);
         assert_eq!(held.mode_of_operation(), 1);
+        let homing = Status {
+            homing: true,
+            ..status(Mode::Running)
+        };
+        assert_eq!(homing.mode_of_operation(), 6);
     }
 }

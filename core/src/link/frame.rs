@@ -109,10 +109,11 @@ mod tests {
 
     use super::super::message::{Answer, Answered, Ask, Asked, HELLO, TAG, WORDS};
     use super::*;
+    use crate::homing::{At, Homing};
     use crate::mode::Mode;
     use crate::request::{Reason, Refusal, Request};
     use crate::telemetry::Telemetry;
-    use crate::units::{Place, Velocity};
+    use crate::units::{Current, Place, Velocity};
     use proptest::prelude::*;
     use std::vec::Vec as List;
 
@@ -224,6 +225,12 @@ mod tests {
                 Ask::Status,
                 Ask::Request(Request::MoveBy(place)),
                 Ask::Request(Request::Jog(Velocity(velocity))),
+                Ask::Request(Request::Home(Homing {
+                    velocity: Velocity(velocity),
+                    at: At::Stop { current: Current(velocity) },
+                    position: Place(place),
+                    back_off: u32::from(period),
+                })),
                 Ask::Subscribe(period),
                 Ask::LastMoves(period),
                 Ask::Faults,

@@ -164,6 +164,8 @@ pub struct Status {
     pub remote: bool,
     /// Whether the drive moves at a velocity that was asked for.
     pub jogging: bool,
+    /// Whether the drive looks for its zero.
+    pub homing: bool,
     /// Whether the machine is held at a target, and at which, counts from zero.
     pub held: Option<Place>,
     /// Position of the actuator, m.

@@ -12,7 +12,7 @@
 //! *Once.* A request that comes again with its number, because its answer was lost, is answered again and not
 //! carried out again. [`HELLO`] begins anew.
 //!
-//! *Silence.* A jog goes on for as long as questions come. After [`SILENCE`] seconds without one, and where another
+//! *Silence.* A jog, and homing, goes on for as long as questions come. After [`SILENCE`] seconds without one, and where another
 //! host says [`HELLO`], the machine is brought to rest by a plan.
 
 use super::frame::{LONGEST, Receiver, frame};
@@ -29,7 +29,7 @@ use core::fmt::{self, Write};
 use heapless::{Deque, String, Vec};
 use serde::Serialize;
 
-/// How long nothing may be heard in a jog, s.
+/// How long nothing may be heard in a jog, or in homing, s.
 pub const SILENCE: f32 = 0.1;
 /// Bytes that wait for the line, at most.
 pub const WAITING: usize = 512;
@@ -41,6 +41,8 @@ pub struct Seen {
     pub course: Course,
     /// Whether it jogs, or is about to.
     pub jogs: bool,
+    /// Whether it looks for its zero, or is about to.
+    pub homes: bool,
     /// Whether the run switch is closed.
     pub run_switch: bool,
     /// Vibration of the load, rms, m.
@@ -158,7 +160,8 @@ impl<const N: usize> Server<N> {
             self.status.remote = true;
             (self.last, self.subscription) = (None, None);
             put(&mut self.waiting, HELLO, &self.introduction);
-            return self.status.jogging.then_some(Task::Request(HALT));
+            let moves = self.status.jogging || self.status.homing;
+            return moves.then_some(Task::Request(HALT));
         }
         // Of another version.
         if frame.tag != TAG {
@@ -292,6 +295,7 @@ impl<const N: usize> Server<N> {
             run_switch: seen.run_switch,
             position_set: record.position_set,
             jogging: seen.jogs,
+            homing: seen.homes,
             held,
             position: record.position,
             reference: record.reference,
@@ -311,7 +315,7 @@ impl<const N: usize> Server<N> {
         self.stream(record);
         self.silent = self.silent.saturating_add(1);
         // Until it does not.
-        (seen.jogs && self.silent >= self.patience).then_some(HALT)
+        ((seen.jogs || seen.homes) && self.silent >= self.patience).then_some(HALT)
     }
 
     /// A fault that is new is kept; the oldest makes room.
@@ -466,6 +470,22 @@ mod tests {
         seen(server, number, Mode::Running, Course::Moved, true)
     }
 
+    fn home(server: &mut Server<3>, number: u32) -> Option<Numbered> {
+        let record = Telemetry::<[f32; 3]> {
+            period: number,
+            mode: Mode::Running,
+            ..Telemetry::default()
+        };
+        let seen = Seen {
+            course: Course::Moved,
+            jogs: false,
+            homes: true,
+            run_switch: true,
+            vibration: 0.5,
+        };
+        server.period(&record, &seen)
+    }
+
     fn seen(
         server: &mut Server<3>,
         number: u32,
@@ -482,6 +502,7 @@ mod tests {
         let seen = Seen {
             course,
             jogs,
+            homes: false,
             run_switch: true,
             vibration: 0.5,
         };
@@ -630,6 +651,20 @@ mod tests {
         // Another host does not go on with a jog that is not its own.
         ask(&mut server, 3, Ask::Heartbeat);
         assert_eq!(jog(&mut server, 500), None);
+        assert_eq!(send(&mut server, HELLO, &()), Some(HALT));
+    }
+
+    /// As a jog.
+    #[test]
+    fn homing_ends_where_the_host_falls_silent() {
+        let mut server = server();
+        ask(&mut server, 1, Ask::Heartbeat);
+        for number in 0..99 {
+            assert_eq!(home(&mut server, number), None);
+        }
+        assert_eq!(home(&mut server, 99), Some(HALT));
+        ask(&mut server, 2, Ask::Heartbeat);
+        assert_eq!(home(&mut server, 100), None);
         assert_eq!(send(&mut server, HELLO, &()), Some(HALT));
     }
 

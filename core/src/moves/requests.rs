@@ -56,7 +56,7 @@ impl Moves<'_> {
                 return Ok(place);
             }
             // A jog has none.
-            Some(Request::Step(_)) if memory.pace != 0 => {
+            Some(Request::Step(_) | Request::Home(_)) if memory.pace != 0 => {
                 let Answer { shift, .. } = self.halt(memory);
                 Ok(Answer { shift, done: false })
             }
@@ -138,6 +138,23 @@ impl Moves<'_> {
         let by_itself = self.shortest(distance, 1.0).map(|(_, ticks)| ticks);
         let latest = by_itself.map_or(LONGEST, |ticks| soonest + stop.saturating_add(ticks) as f32);
         delay >= soonest && delay < LONGEST && delay <= latest
+    }
+
+    /// A move from rest by a cruise, however short: on a short way the actuator of a displacement swings far beyond
+    /// both ends, and that of a change of velocity does not turn round. Where the target is then.
+    pub(crate) fn retreat<const N: usize>(
+        &self,
+        memory: &mut Memory<N>,
+        from: Place,
+        to: Place,
+    ) -> Result<Place, Unreachable> {
+        let distance = to.counts_from(from) as f32 * self.resolution;
+        let (segments, _) = self.cruise(distance, distance.abs()).ok_or(Unreachable)?;
+        for segment in segments.into_iter().flatten() {
+            memory.add(segment);
+        }
+        memory.before.0 -= distance;
+        Ok(to)
     }
 
     /// A move on top of what is under way, none of which is a cruise.
@@ -298,6 +315,13 @@ impl Moves<'_> {
             };
             return Some(([Some(segment), None], self.ticks(plan)));
         }
+        self.cruise(distance, needed)
+    }
+
+    /// A move over a distance by two changes of velocity, and its periods.
+    ///
+    /// * `needed`: the distance, over the share of the limits that it may use, m
+    fn cruise(&self, distance: f32, needed: f32) -> Option<([Option<Segment>; 2], i32)> {
         let change = &self.plans.change;
         let least = libm::ceilf(needed / (change.reach * self.sample_time));
         if least.is_nan() || least >= LONGEST {

@@ -46,11 +46,21 @@ impl EncoderStep {
         }
     }
 
+    /// By how much a stop may change what the current does not explain: it takes all of that, which may have turned
+    /// round, m.
+    ///
+    /// * `current`: largest one against it
+    pub(super) fn at_stop(self, current: Current) -> f32 {
+        4.0 * self.per_current * current.0
+    }
+
+    /// * `more`: by which the change may be larger, m
     pub(super) fn step(
         self,
         memory: &mut Memory,
         reading: &Reading,
         current: Current,
+        more: f32,
     ) -> Result<(), Trip> {
         let explained = self.per_current * (current.0 + memory.current);
         let unexplained = reading.displacement - memory.displacement - explained;
@@ -63,7 +73,7 @@ impl EncoderStep {
             unexplained,
         };
         if known {
-            beyond(Fault::EncoderStep, change, self.limit)
+            beyond(Fault::EncoderStep, change, self.limit + more)
         } else {
             Ok(())
         }
@@ -104,7 +114,7 @@ mod tests {
                     displacement,
                     jump: false,
                 };
-                let result = watch.step(&mut memory, &reading, Current(current));
+                let result = watch.step(&mut memory, &reading, Current(current), 0.0);
                 assert_eq!(result.is_err(), stops == Some(k), "{k} {result:?}");
                 if result.is_err() {
                     break;

@@ -1,6 +1,7 @@
 //! `host-sim drive`: a drive that is connected, over its serial link.
 
 mod files;
+mod home;
 mod motion;
 mod settings;
 mod telemetry;
@@ -62,6 +63,7 @@ enum Action {
     /// For example `host-sim drive --port /dev/ttyACM0 stop`.
     Stop,
     SetPosition(motion::SetPositionCommand),
+    Home(home::HomeCommand),
     /// Read the last moves that the drive keeps in its memory.
     ///
     /// What `record` reads from a dump, here from the drive; what is written is what `identify` reads. For example
@@ -89,6 +91,7 @@ impl DriveCommand {
             Action::Move(command) => command.check()?,
             Action::Jog(command) => command.check()?,
             Action::SetPosition(command) => command.check()?,
+            Action::Home(command) => command.check()?,
             Action::Telemetry(command) => command.check(self.json)?,
             Action::Watch(_) => watch::WatchCommand::check(self.json)?,
             Action::Record(wanted) if wanted.csv && self.json => {
@@ -105,6 +108,7 @@ impl DriveCommand {
         if let Action::Enable
         | Action::Move(_)
         | Action::Jog(_)
+        | Action::Home(_)
         | Action::Telemetry(_)
         | Action::Watch(_) = &self.action
         {
@@ -151,6 +155,7 @@ impl DriveCommand {
                 ends.say("the machine is held", Some(arrival.time))
             }
             Action::SetPosition(command) => command.run(&mut ends),
+            Action::Home(command) => command.run(&mut ends),
             Action::Record(wanted) => {
                 let last_moves = drive.last_moves()?;
                 match wanted.write(&last_moves)? {

@@ -7,8 +7,10 @@ use clap::CommandFactory;
 use std::path::Path;
 
 /// Every parameter that an error can name, and its flag.
-const FLAGS: [(&str, &str); 15] = [
+const FLAGS: [(&str, &str); 19] = [
+    ("approach", "--velocity"),
     ("at", "--at"),
+    ("back-off", "--back-off"),
     ("current", "--current"),
     ("distance", "--distance"),
     ("duration", "--for"),
@@ -18,7 +20,9 @@ const FLAGS: [(&str, &str); 15] = [
     ("move", "--move"),
     ("period", "--period"),
     ("port", "--port"),
+    ("position", "--position"),
     ("repetitions", "--repeat"),
+    ("stop", "--stop"),
     ("target", "X"),
     ("to", "--to"),
     ("travel", "--travel"),

@@ -6,13 +6,13 @@ use crate::error::{Error, Result};
 use crate::output::significant;
 use arso_core::link::message::Status;
 use arso_core::request::Request;
-use arso_core::{Fault, Mode, Place, Velocity};
+use arso_core::{Fault, Homing, Mode, Place, Velocity};
 use std::time::Duration;
 
 /// Largest position, distance or velocity that can be asked for, m or m/s.
 pub const LARGEST: f64 = 1e6;
 
-/// How often a drive that moves is looked at, and one that jogs, which ends it when it hears nothing for 100 ms.
+/// How often a drive that moves is looked at, and one that jogs or homes, which ends it when it hears nothing for 100 ms.
 const EVERY: Duration = Duration::from_millis(5);
 const EVERY_IN_JOG: Duration = Duration::from_millis(30);
 /// Time of the drive after which what it is doing is what was asked of it, s.
@@ -192,6 +192,46 @@ impl Connection {
                 Duration::from_secs_f64((duration - time).clamp(0.0, 1.0))
             });
             std::thread::sleep(left.min(EVERY_IN_JOG));
+        }
+    }
+
+    /// Lets the drive find its zero, and waits until the machine rests where it is to, zero known.
+    ///
+    /// # Errors
+    /// [`Error::Refused`]; [`Error::Drive`] for a fault on the way, for a drive that comes to rest without having found
+    /// it, and for an interruption, after which the machine is halted and zero is what it was; [`Error::Link`].
+    pub fn home(&mut self, homing: Homing, go_on: &GoOn<'_>) -> Result<Arrival> {
+        let before = self.status()?;
+        require_go_on(go_on)?;
+        self.request(Request::Home(homing))?;
+        let back = i64::from(homing.back_off);
+        let back = if homing.velocity.0 > 0.0 { -back } else { back };
+        let rests = Place(homing.position.0.wrapping_add(back));
+        loop {
+            let status = self.status_in_jog()?;
+            let time = self.time(before.period, status.period);
+            require_no_fault(&status)?;
+            if time >= BEGUN {
+                running(&status)?;
+                if !status.homing && status.held == Some(rests) && status.position_set {
+                    return Ok(Arrival { status, time });
+                }
+                if !status.homing {
+                    return Err(Error::Drive(
+                        "homing ended before it had found its place: something else was asked of the drive, or it \
+                         heard nothing for 0.1 s; zero is what it was"
+                            .into(),
+                    ));
+                }
+            }
+            if !go_on() {
+                let position = self.halt()?.status.position.into();
+                let place = self.shown(position);
+                return Err(interrupted(&format!(
+                    "the machine is halted at {place}, zero is what it was"
+                )));
+            }
+            std::thread::sleep(EVERY_IN_JOG);
         }
     }
 

@@ -97,6 +97,7 @@ pub fn status(drive: &Connection, status: &Status) -> String {
         ("zero is known", yes(status.position_set)),
         ("commanded over the link", yes(status.remote)),
         ("jogs", yes(status.jogging)),
+        ("homes", yes(status.homing)),
         ("control period", status.period.to_string()),
         ("most cycles of a period", status.worst_cycles.to_string()),
         ("records lost in the drive", status.lost.to_string()),

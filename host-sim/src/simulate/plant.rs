@@ -243,6 +243,8 @@ pub struct Plant {
     brake: bool,
     /// Whether the amplifier is on.
     enabled: bool,
+    /// Where a stop is that the actuator does not pass downwards, m.
+    stop: Option<f64>,
     /// State in which it hangs under the steady forces, the actuator held.
     hanging: DVector<f64>,
     /// Parts of periods that have passed.
@@ -272,6 +274,7 @@ impl Plant {
             motion,
             brake: file.actuator.brake,
             enabled: false,
+            stop: None,
             hanging,
             parts: 0,
             chain,
@@ -281,6 +284,12 @@ impl Plant {
     /// The amplifier is switched on or off, and with it the brake.
     pub fn enable(&mut self, enabled: bool) {
         self.enabled = enabled;
+    }
+
+    /// Puts a stop there that the actuator does not pass downwards, m: where it would have at the end of a period, it
+    /// stands there. It gives nothing and throws nothing back.
+    pub fn stop_at(&mut self, position: f64) {
+        self.stop = Some(position);
     }
 
     /// The chain that is simulated.
@@ -363,6 +372,10 @@ impl Plant {
             // The brake holds to the last digit.
             let state = self.motion.state_mut();
             (state[0], state[1]) = (place, 0.0);
+        }
+        if let Some(stop) = self.stop.filter(|stop| self.state()[0] < *stop) {
+            let state = self.motion.state_mut();
+            (state[0], state[1]) = (stop, state[1].max(0.0));
         }
         if self.state().iter().all(|x| x.is_finite()) {
             Ok(())

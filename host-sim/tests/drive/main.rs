@@ -470,6 +470,22 @@ fn what_cannot_be_used_is_refused_before_anything_is_sent() {
         (&["jog", "0"], "V 0: must not be zero"),
         (&["jog", "nan"], "V NaN"),
         (&["jog", "1", "--for", "-1"], "--for -1: must be above 0"),
+        (
+            &["home", "--input", "--velocity", "0"],
+            "--velocity 0: must not be zero",
+        ),
+        (
+            &["home", "--stop", "nan", "--velocity", "1"],
+            "--stop NaN: must be a current above 0 A",
+        ),
+        (
+            &["home", "--stop", "1", "--velocity", "1"],
+            "--back-off 0: must be above 0",
+        ),
+        (
+            &["home", "--input", "--velocity", "1", "--back-off", "-1"],
+            "--back-off -1: must not be negative",
+        ),
         (&["telemetry", "--for", "nan"], "--for NaN"),
         (&["record", "--csv", "--json"], "exclude each other"),
     ] {
@@ -477,6 +493,7 @@ fn what_cannot_be_used_is_refused_before_anything_is_sent() {
         assert!(error.contains(words), "{error}");
     }
     assert_eq!(drive(nobody, &["telemetry", "--every", "0"]).0, 2);
+    assert_eq!(drive(nobody, &["home", "--velocity", "1"]).0, 2);
     let error = fails("/dev/no-such-port", &["status"], 2);
     assert!(
         error.contains("--port /dev/no-such-port: cannot be opened: "),
@@ -539,4 +556,58 @@ fn a_pseudo_terminal_is_a_port() {
     assert!(csv.starts_with("time[s],count[1],"), "{csv}");
     drop(simulated);
     drop(held);
+}
+
+/// The stop is at -0.1 m, and the home switch active from -0.09 m on, wherever the drive's zero is.
+#[test]
+fn zero_is_found_by_a_stop_and_by_the_switch() {
+    let simulated = Simulated::running();
+    let port = simulated.port.as_str();
+    let stop = ["home", "--stop", "0.3", "--velocity", "-0.05"];
+    let found = json(port, &[&stop[..], &["--back-off", "0.02"]].concat());
+    assert_eq!(found["held_position"], 0.02);
+    assert!(found["duration"].as_f64().unwrap() > 1.9, "{found}");
+    assert!((simulated.truth().position + 0.08).abs() < 0.0001);
+    // What is called so is as far from the stop.
+    done(port, &["move", "0.15"]);
+    assert!((simulated.truth().position - 0.05).abs() < 0.0001);
+
+    let input = ["home", "--input", "--velocity", "-0.1"];
+    let said = done(port, &[&input[..], &["--position", "-0.04"]].concat());
+    assert!(
+        said.starts_with("zero is known, the machine is held after"),
+        "{said}"
+    );
+    // To a period of the approach.
+    assert!((simulated.truth().position + 0.09).abs() < 0.0002);
+    let error = fails(port, &["home", "--input", "--velocity", "-0.1"], 1);
+    assert!(
+        error.contains("the home switch is active already, move off it"),
+        "{error}"
+    );
+    let error = fails(
+        port,
+        &[
+            "home",
+            "--stop",
+            "5",
+            "--velocity",
+            "-0.05",
+            "--back-off",
+            "0.01",
+        ],
+        1,
+    );
+    assert!(error.contains("below the drive's limit"), "{error}");
+
+    // Ctrl-C ends it, and zero is what it was.
+    done(port, &["move", "0.0"]);
+    let before = simulated.truth().position;
+    let host = Host::new(port, &["home", "--input", "--velocity", "0.05"]);
+    simulated.wait(|truth| truth.position > before + 0.01);
+    host.send("INT");
+    let (success, error) = host.ended();
+    assert!(!success && error.contains("halted at 0.0"), "{error}");
+    done(port, &["move", "0.0"]);
+    assert!((simulated.truth().position - before).abs() < 0.0001);
 }

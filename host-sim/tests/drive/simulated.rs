@@ -25,6 +25,9 @@ const STATES: usize = 9;
 const RING: usize = 4081;
 /// Current that its converter tells apart, A.
 const STEP: f32 = 1e-3;
+/// Where the machine has a stop, and from where on its home switch is active, m.
+const WALL: f64 = -0.1;
+const EDGE: f64 = -0.09;
 
 type Observer = Anchored<LOADS, STATES>;
 
@@ -247,6 +250,7 @@ impl Board {
             asked: VecDeque::new(),
             moves: 0,
         };
+        board.plant.stop_at(WALL);
         if running {
             board.controller.request(Request::Commission).unwrap();
             while board.controller.mode() != Mode::Ready {
@@ -277,6 +281,7 @@ impl Board {
         let command = self.controller.step(Measurement {
             count,
             current: self.applied,
+            home: self.plant.state()[0] < EDGE,
         });
         let record = *self.controller.telemetry();
         let course = self.controller.course();
@@ -288,6 +293,7 @@ impl Board {
         let seen = Seen {
             course,
             jogs: self.controller.jogs(),
+            homes: self.controller.homes(),
             run_switch: true,
             vibration: 0.0,
         };

@@ -69,6 +69,7 @@ mod replay {
             let command = controller.step(Measurement {
                 count: Counts(u16::from_le_bytes([c0, c1]).into()),
                 current: Current(f32::from_le_bytes([i0, i1, i2, i3])),
+                home: false,
             });
             let record = controller.telemetry();
             let values = [command.current.0, record.reaction_force];

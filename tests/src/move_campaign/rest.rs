@@ -323,7 +323,11 @@ fn moved(design: &Design, file: &PlantFile) -> Result<Motion, String> {
     let mut current = Current(0.0);
     let mut step = |core: &mut dyn Corridor, plant: &mut Plant| -> Result<Record, String> {
         let count = Counts(plant.count());
-        let command = core.step(Measurement { count, current });
+        let command = core.step(Measurement {
+            count,
+            current,
+            home: false,
+        });
         current = command.current;
         plant.enable(command.enable);
         let state = core.record();

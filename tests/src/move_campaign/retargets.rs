@@ -233,6 +233,7 @@ impl<'d> Session<'d> {
         let measurement = Measurement {
             count: Counts(self.plant.count()),
             current: self.current,
+            home: false,
         };
         let command = self.core.step(measurement);
         self.current = command.current;

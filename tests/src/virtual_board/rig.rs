@@ -58,6 +58,7 @@ const RUN: u32 = 2;
 const EXCITE: u32 = 3;
 const ZERO: u32 = 4;
 const TARGET: [u32; 2] = [0, 1];
+const HOME: u32 = 5;
 
 /// Where the switches of the board stand; all open by default.
 #[derive(Clone, Copy, Debug, Default)]
@@ -202,6 +203,16 @@ impl Rig {
         }
         self.plant = Plant::new(plant, self.plant_step);
         self.plant.set_state(state);
+    }
+
+    /// Sets the home switch.
+    pub fn home_switch(&mut self, active: bool) {
+        self.board.bus_mut().ports[2].set_level(HOME, active);
+    }
+
+    /// Puts a stop there, see [`Plant::stop_at`].
+    pub fn stop_at(&mut self, position: f64) {
+        self.plant.stop_at(position);
     }
 
     /// Sets the switches.

@@ -22,6 +22,15 @@ impl<Pin: InputPin> board::AmplifierFault for AmplifierFault<Pin> {
     }
 }
 
+/// The home switch: high is active; with a broken line homing finds nothing.
+pub(crate) struct HomeSwitch<Pin = gpioc::PC5<Input>>(pub(super) Pin);
+
+impl<Pin: InputPin> board::HomeSwitch for HomeSwitch<Pin> {
+    fn active(&mut self) -> bool {
+        self.0.is_high().unwrap_or(false)
+    }
+}
+
 /// Excite switch, zero switch and both bits of the target switches.
 pub(crate) struct Switches<
     Excite = gpioc::PC3<Input>,

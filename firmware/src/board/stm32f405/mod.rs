@@ -9,6 +9,7 @@
 //! | PC2 | run switch |
 //! | PC3 | excite switch |
 //! | PC4 | zero switch |
+//! | PC5 | home switch |
 //! | PC0, PC1 | target switches, low and high bit |
 //! | PA9, PA10 | link: what it sends and what it receives (USART1, 1 Mbaud, 8N1) |
 //!
@@ -54,6 +55,7 @@ impl Board for Stm32f405 {
     type Cycles = cycles::Cycles;
     type RunSwitch = inputs::RunSwitch;
     type AmplifierFault = inputs::AmplifierFault;
+    type HomeSwitch = inputs::HomeSwitch;
     type Inputs = inputs::Switches;
     type Serial = serial::SerialLine;
     type Watchdog = watchdog::ResetWatchdog;
@@ -100,6 +102,7 @@ pub(crate) fn start(
         cycles: cycles::Cycles::new(core.DCB, core.DWT),
         run_switch: inputs::RunSwitch(port_c.pc2.into_pull_down_input()),
         amplifier_fault: inputs::AmplifierFault(port_b.pb13.into_pull_up_input()),
+        home_switch: inputs::HomeSwitch(port_c.pc5.into_pull_down_input()),
         inputs: inputs::Switches::new(
             port_c.pc3.into_pull_down_input(),
             port_c.pc4.into_pull_down_input(),

@@ -124,7 +124,14 @@ fn state_of(model: &Model) -> Paragraph<'static> {
         ),
         (
             "held at",
-            held.unwrap_or_else(|| yes(status.jogging, ["-, jogs", "-"])),
+            held.unwrap_or_else(|| {
+                let otherwise = yes(status.jogging, ["-, jogs", "-"]);
+                if status.homing {
+                    "-, homes".into()
+                } else {
+                    otherwise
+                }
+            }),
             plain,
         ),
         (

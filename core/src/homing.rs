@@ -1,0 +1,221 @@
+//! Homing: the drive finds its zero itself.
+//!
+//! ```text
+//! approach   it jogs until the place is found
+//!   stop       with a limited current, until the actuator has stood still against it (50 ms, see `rest`)
+//!   input      until the home switch is active
+//! settle     by stop: it stands there, from rest as after a start, until the loads do
+//! back       it moves back from there by a plan, with all that the motor has, and settles; from a stop by one that
+//!            never turns round, for most plans of short ways do
+//! done       the places get new names, in one period: that of the place found is the one that was asked for
+//! ```
+//!
+//! Whatever ends it before that leaves zero as it was. To the end the travel is not kept: what is to be found is at
+//! its end, or beyond it. A stop and an encoder that has died look the same while the actuator is pushed; the way
+//! back tells them apart, and zero is set after it.
+//!
+//! **A stop takes** the motor's force and what it takes to stop the actuator within a period. That much more
+//! is no fault in an approach to one:
+//!
+//! ```text
+//! |d|, |innovation| ≤ limit + 2 (k_f I + m_a |v| / T)        |v_a| ≤ |v| + encoder_step / T
+//! |s_k − s_k−1| ≤ encoder_step + 2 T² k_f I / m_a            (see `protection::encoder_step`)
+//! ```
+//!
+//! All other watches stay, but for that of the stall. So that the encoder's motion is watched too, an approach to a
+//! stop is slower than half of `encoder_step / T`.
+
+use crate::encoder::Reading;
+use crate::fault::Fault;
+use crate::protection::Trip;
+use crate::rest::{self, Rest};
+use crate::units::{Current, Place, Velocity};
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// How zero is to be found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Homing {
+    /// Velocity of the approach, with its direction.
+    pub velocity: Velocity,
+    /// What ends the approach.
+    pub at: At,
+    /// What the place found is to be called.
+    pub position: Place,
+    /// How far to move back from it, to where it came from, counts.
+    pub back_off: u32,
+}
+
+/// What ends an approach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
+pub enum At {
+    /// The actuator stands against something.
+    Stop {
+        /// Largest current of the approach; times `k_f` it is the force.
+        current: Current,
+    },
+    /// The home switch becomes active.
+    Input,
+}
+
+impl Homing {
+    /// Where it is to rest, from the place found.
+    pub(crate) fn rests_at(&self, found: Place) -> Place {
+        let back = i64::from(self.back_off);
+        Place(if self.velocity.0 > 0.0 {
+            found.0.wrapping_sub(back)
+        } else {
+            found.0.wrapping_add(back)
+        })
+    }
+}
+
+/// Share of the current with which the actuator is pushed against a stop.
+const PUSHED: f32 = 0.9;
+
+/// Homing under way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Memory {
+    homing: Homing,
+    phase: Phase,
+    /// Current that the command is limited to, until the machine moves back from a stop.
+    limit: Option<Current>,
+    /// Periods of the approach, and the most that it may have.
+    periods: u32,
+    longest: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    Approach(rest::Memory),
+    /// At the stop found, until nothing swings.
+    Settle(Place),
+    /// From the place found.
+    Back(Place),
+    /// To rest, without a place.
+    End,
+}
+
+impl Memory {
+    /// * `longest`: periods that the approach may take
+    pub(crate) fn new(homing: Homing, longest: u32) -> Self {
+        Self {
+            homing,
+            phase: Phase::Approach(rest::Memory::default()),
+            limit: match homing.at {
+                At::Stop { current } => Some(current),
+                At::Input => None,
+            },
+            periods: 0,
+            longest,
+        }
+    }
+
+    /// Where it is to rest, from the place found.
+    pub(crate) fn rests_at(&self, found: Place) -> Place {
+        self.homing.rests_at(found)
+    }
+
+    /// What the command is limited to.
+    pub(crate) fn limit(&self) -> Option<Current> {
+        self.limit
+    }
+
+    /// It is to end where the machine comes to rest.
+    pub(crate) fn end(&mut self) {
+        self.phase = Phase::End;
+    }
+
+    /// Whether nothing is sought any more.
+    pub(crate) fn ends(&self) -> bool {
+        matches!(self.phase, Phase::End)
+    }
+
+    /// The place found, and what it is to be called.
+    pub(crate) fn found(&self) -> Option<(Place, Place)> {
+        match self.phase {
+            Phase::Back(found) => Some((found, self.homing.position)),
+            _ => None,
+        }
+    }
+
+    /// Velocity of an approach to a stop.
+    pub(crate) fn seeks_stop(&self) -> Option<(Velocity, Current)> {
+        Some((self.homing.velocity, self.limit?))
+    }
+
+    /// Whether the reference is not to begin anew where a limited command leaves the machine: it pushes against a stop,
+    /// or what may be one, or is given up. The reference waits there, and the actuator is pushed no harder and no less.
+    pub(crate) fn pushes(&self, command: Current) -> bool {
+        self.limit.is_some() && self.towards(command) > 0.0 || self.ends()
+    }
+
+    /// A current, positive where it pushes along the approach, A.
+    fn towards(&self, current: Current) -> f32 {
+        if self.homing.velocity.0 > 0.0 {
+            current.0
+        } else {
+            -current.0
+        }
+    }
+
+    /// One period: whether the place is still to be waited for.
+    pub(crate) fn wait(&mut self, sample_time: f32) -> Result<(), Trip> {
+        if let Phase::Approach(_) = self.phase {
+            self.periods = self.periods.saturating_add(1);
+        }
+        if self.periods <= self.longest {
+            return Ok(());
+        }
+        Err(Trip {
+            fault: Fault::Homing,
+            value: self.periods as f32 * sample_time,
+        })
+    }
+
+    /// Where the machine is to rest, from the stop at which it has settled; the motor has all its current again.
+    pub(crate) fn settled(&mut self) -> Option<Place> {
+        let Phase::Settle(found) = self.phase else {
+            return None;
+        };
+        self.phase = Phase::Back(found);
+        self.limit = None;
+        Some(self.homing.rests_at(found))
+    }
+
+    /// One period of the approach: whether this is the place.
+    ///
+    /// * `active`: whether the home switch is
+    pub(crate) fn seek(
+        &mut self,
+        rest: &Rest,
+        reading: &Reading,
+        active: bool,
+        command: Current,
+    ) -> Option<At> {
+        let towards = self.towards(command);
+        let Phase::Approach(memory) = &mut self.phase else {
+            return None;
+        };
+        let found = match self.homing.at {
+            At::Input => active,
+            At::Stop { current } => {
+                if towards < PUSHED * current.0 {
+                    *memory = memory.moved_to(reading.place);
+                }
+                rest.step(memory, reading)
+            }
+        };
+        if !found {
+            return None;
+        }
+        self.phase = match self.homing.at {
+            At::Stop { .. } => Phase::Settle(reading.place),
+            At::Input => Phase::Back(reading.place),
+        };
+        Some(self.homing.at)
+    }
+}
