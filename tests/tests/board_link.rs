@@ -6,16 +6,15 @@ use arso_core::link::frame::Receiver;
 use arso_core::link::message::{Answer, Ask, Asked, HELLO, Introduction, TAG, VERSION, WORDS};
 use arso_core::request::{Reason, Request};
 use arso_core::{Current, Mode, Place, Velocity};
-use arso_tests::virtual_board::host::{Host, framed};
-use arso_tests::virtual_board::image::{Image, RAM, RAM_SIZE};
+use arso_tests::virtual_board::host::{Heard, Host, framed};
+use arso_tests::virtual_board::image::{RAM, RAM_SIZE};
 use arso_tests::virtual_board::rig::{Period, Switches};
 use host_sim::capture::{Origin, read_defmt, read_memory};
 use host_sim::design::Design;
-use host_sim::drive::{Drive, PlantFile};
+use host_sim::drive::Drive;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use serde::Serialize;
 
 #[test]
 fn it_says_which_drive_it_is() {
@@ -414,7 +413,7 @@ fn abuse_is_not_felt() {
         }
     });
     same(&full, &quiet);
-    let records = |heard: &&Answered<_>| matches!(heard.answer, Answer::Telemetry(_));
+    let records = |heard: &&Heard| matches!(heard.answer, Answer::Telemetry(_));
     let (records, answers): (Vec<_>, Vec<_>) = host.telemetry.iter().partition(records);
     assert!(
         records.len() > 100 && answers.len() > 100,

@@ -1078,6 +1078,10 @@ fn a_gain_is_changed_without_a_leap() {
 
 #[test]
 fn what_would_leap_or_means_something_else_is_refused() {
+    static SLOWER: Plans<'static> = Plans {
+        stride: 2,
+        ..crate::moves::tests::RIGID
+    };
     let mut controller = running();
     let count = controller.telemetry().count;
     // It waits for rest.
@@ -1095,11 +1099,7 @@ fn what_would_leap_or_means_something_else_is_refused() {
     ] {
         assert_eq!(reason(controller.change(&other)), Reason::Restart);
     }
-    static COPY: Plans<'static> = Plans {
-        stride: 2,
-        ..crate::moves::tests::RIGID
-    };
-    let slower = change::Change::new(&settings(), COPY).unwrap();
+    let slower = change::Change::new(&settings(), SLOWER).unwrap();
     assert_eq!(reason(controller.change(&slower)), Reason::Restart);
     // 2 mm off, a gain twice as large is 60 mA more, of which 20 mA may be.
     hold(&mut controller, count.wrapping_add(2000), 5);

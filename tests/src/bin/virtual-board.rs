@@ -47,7 +47,7 @@ struct Cli {
     #[arg(long, conflicts_with_all = ["scenario", "periods"])]
     excite: bool,
     #[command(flatten)]
-    serial: Serial,
+    line: Line,
     /// Write what the firmware logged, a raw defmt stream.
     #[arg(long, value_name = "FILE")]
     rtt: Option<PathBuf>,
@@ -61,7 +61,7 @@ struct Cli {
 
 /// The board as something to talk to.
 #[derive(Debug, clap::Args)]
-struct Serial {
+struct Line {
     /// Instead of an experiment run on in step with this machine's clock, the run switch closed and the
     /// target switches at 0, with the drive's serial port as a pseudo-terminal. The first line of the
     /// output names it. Ctrl-C or the end of standard input end it.
@@ -80,7 +80,7 @@ struct Serial {
     flash: Option<PathBuf>,
 }
 
-impl Serial {
+impl Line {
     fn wanted(&self) -> bool {
         self.serial || self.tcp.is_some()
     }
@@ -143,8 +143,8 @@ impl Cli {
             place: place.clone(),
             message,
         })?;
-        if let Some(path) = &self.serial.flash {
-            self.serial.require_port()?;
+        if let Some(path) = &self.line.flash {
+            self.line.require_port()?;
             keep_flash(&mut image, path)?;
         }
         let drive = Drive::load(self.drive.as_deref())?;
@@ -158,7 +158,7 @@ impl Cli {
         let stopped = |stop: Stop| Error::Simulation(stop.to_string());
         let start = Instant::now();
         let mut rig = Rig::start(&image, &drive, &plant, |_| {}).map_err(stopped)?;
-        if self.serial.wanted() {
+        if self.line.wanted() {
             return self.serve(&mut rig, &bytes, &place, &drive);
         }
         let (title, result) = self.play(&mut rig, scenario, &drive, &plant);
@@ -276,7 +276,7 @@ impl Cli {
             let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
             END.store(true, Ordering::Relaxed);
         });
-        if let Some(address) = &self.serial.tcp {
+        if let Some(address) = &self.line.tcp {
             let no = usage(format!("cannot listen on {address}"));
             let listener = Listener::new(address);
             let (listener, address) = listener
@@ -309,7 +309,7 @@ impl Cli {
             Ended::Stop(stop) => Error::Simulation(stop.to_string()),
             Ended::Error(error) => error,
         })?;
-        match &self.serial.flash {
+        match &self.line.flash {
             Some(path) => write_file(path, &rig.board.flash()[SETTINGS..]),
             None => Ok(()),
         }

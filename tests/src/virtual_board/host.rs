@@ -12,6 +12,11 @@ use arso_core::{Mode, Place};
 use host_sim::drive::{Drive, PlantFile};
 use serde::Serialize;
 
+/// An answer, and one with its number; the number of loads is the drive's.
+pub type Said = Answer<Vec<f32>>;
+/// See [`Said`].
+pub type Heard = Answered<Vec<f32>>;
+
 /// Who sits at the other end of the line.
 pub struct Host {
     /// The board and its machine.
@@ -20,7 +25,7 @@ pub struct Host {
     /// Of the last question.
     pub number: u8,
     /// What came and was not asked for.
-    pub telemetry: Vec<Answered<Vec<f32>>>,
+    pub telemetry: Vec<Heard>,
     /// Frames that did not hold.
     pub damaged: u32,
 }
@@ -103,7 +108,7 @@ impl Host {
     ///
     /// # Panics
     /// At frames of another version.
-    pub fn try_period(&mut self) -> Result<(Period, Vec<Answered<Vec<f32>>>), Stop> {
+    pub fn try_period(&mut self) -> Result<(Period, Vec<Heard>), Stop> {
         let period = self.rig.period()?;
         let mut frames = Vec::new();
         for byte in self.rig.board.bus_mut().received() {
@@ -123,7 +128,7 @@ impl Host {
     ///
     /// # Panics
     /// Where the board stops.
-    pub fn period(&mut self) -> (Period, Vec<Answered<Vec<f32>>>) {
+    pub fn period(&mut self) -> (Period, Vec<Heard>) {
         self.try_period().unwrap()
     }
 
@@ -142,7 +147,7 @@ impl Host {
     ///
     /// # Panics
     /// Where the board stops, or none comes.
-    pub fn ask(&mut self, ask: Ask) -> Answer<Vec<f32>> {
+    pub fn ask(&mut self, ask: Ask) -> Said {
         let patience = match ask {
             Ask::Request(Request::Store) => ERASING,
             _ => PATIENCE,
@@ -155,7 +160,7 @@ impl Host {
     ///
     /// # Errors
     /// Whatever stops the board.
-    pub fn try_ask(&mut self, ask: Ask, patience: u32) -> Result<Option<Answer<Vec<f32>>>, Stop> {
+    pub fn try_ask(&mut self, ask: Ask, patience: u32) -> Result<Option<Said>, Stop> {
         self.number = self.number.wrapping_add(1);
         let number = self.number;
         self.send(&framed(TAG, &Asked { number, ask }));
@@ -218,7 +223,7 @@ impl Host {
     ///
     /// # Panics
     /// Where the board stops.
-    pub fn put(&mut self, set: &[u8]) -> Option<Answer<Vec<f32>>> {
+    pub fn put(&mut self, set: &[u8]) -> Option<Said> {
         let (header, rest) = set.split_at(HEADER);
         let mut at = 0;
         for bytes in std::iter::once(header).chain(rest.chunks(BYTES)) {
