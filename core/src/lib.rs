@@ -22,7 +22,7 @@
 //! | [`link`] | the same on a wire | |
 //! | [`fault`], [`protection`] | the faults, and what watches for them | |
 //! | `direction_check` | a small motion that proves the signs | |
-//! | [`homing`] | the drive finds its zero | |
+//! | `homing` | the drive finds its zero | |
 //! | [`excitation`] | a current played in open loop, for identification | |
 //! | [`settings`] | all that the core knows of a drive, plain data | |
 //! | [`telemetry`] | one record per period | |
@@ -69,7 +69,7 @@ pub mod excitation;
 pub mod fault;
 pub mod filter;
 pub mod friction;
-pub mod homing;
+mod homing;
 pub mod indicator;
 pub mod limits;
 pub mod link;
@@ -93,10 +93,9 @@ pub use check::SettingsError;
 pub use controller::{Command, Controller, Measurement};
 pub use excitation::Excitation;
 pub use fault::Fault;
-pub use homing::Homing;
 pub use indicator::Vibration;
 pub use mode::Mode;
-pub use request::{Refusal, Request};
+pub use request::{Homing, Refusal, Request};
 pub use settings::Settings;
 pub use telemetry::{Identity, Telemetry};
 pub use units::{Counts, Current, Force, Place, Position, Velocity};

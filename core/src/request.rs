@@ -1,9 +1,8 @@
 //! What is asked of the drive, and what it answers. Plain data without a transport; [`link`](crate::link) puts it on a
 //! wire.
 
-use crate::homing::Homing;
 use crate::mode::Mode;
-use crate::units::{Place, Velocity};
+use crate::units::{Current, Place, Velocity};
 use core::fmt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -41,6 +40,46 @@ pub enum Request {
     Store,
     /// Go on with the settings that were handed over; drives that hold their machine at a target only.
     Change,
+}
+
+/// How zero is to be found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Homing {
+    /// Velocity of the approach, with its direction.
+    pub velocity: Velocity,
+    /// What ends the approach.
+    pub at: At,
+    /// What the place found is to be called.
+    pub position: Place,
+    /// How far to move back from it, to where it came from, counts.
+    pub back_off: u32,
+}
+
+/// What ends an approach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
+pub enum At {
+    /// The actuator stands against something.
+    Stop {
+        /// Largest current of the approach; times `k_f` it is the force.
+        current: Current,
+    },
+    /// The home switch becomes active.
+    Input,
+}
+
+impl Homing {
+    /// Where it is to rest, from the place found.
+    pub(crate) fn rests_at(&self, found: Place) -> Place {
+        let back = i64::from(self.back_off);
+        Place(if self.velocity.0 > 0.0 {
+            found.0.wrapping_sub(back)
+        } else {
+            found.0.wrapping_add(back)
+        })
+    }
 }
 
 /// Why a request was not taken.
@@ -213,7 +252,6 @@ mod tests {
 
     use super::*;
     use crate::fault::Fault;
-    use crate::homing::At;
     use std::string::ToString;
     use std::vec;
 

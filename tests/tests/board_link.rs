@@ -1,10 +1,9 @@
 //! The link of the release ELF on the virtual board: commanded over its serial line, and abused over it.
 #![cfg(feature = "virtual-board")]
 
-use arso_core::homing::{At, Homing};
 use arso_core::link::frame::Receiver;
 use arso_core::link::message::{Answer, Ask, Asked, HELLO, Introduction, TAG, VERSION, WORDS};
-use arso_core::request::{Reason, Request};
+use arso_core::request::{At, Homing, Reason, Request};
 use arso_core::{Current, Mode, Place, Velocity};
 use arso_tests::virtual_board::host::{Heard, Host, framed};
 use arso_tests::virtual_board::image::{RAM, RAM_SIZE};

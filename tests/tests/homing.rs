@@ -1,6 +1,6 @@
 //! Homing on a flexible load: core and plant as `simulate` has them, with a stop for the actuator and a home switch.
 
-use arso_core::homing::{At, Homing};
+use arso_core::request::{At, Homing};
 use arso_core::{Counts, Current, Fault, Measurement, Mode, Place, Request, Velocity};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};

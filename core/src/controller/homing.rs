@@ -4,9 +4,10 @@ use super::Parts;
 use super::activity::{Loop, Running};
 use crate::encoder::{self, Reading};
 use crate::fault::Fault;
-use crate::homing::{At, Homing, Memory};
+use crate::homing::Memory;
 use crate::observer::StateObserver;
 use crate::protection::Protection;
+use crate::request::{At, Homing};
 use crate::request::{Reason, Request};
 use crate::units::{Current, Place};
 

@@ -109,8 +109,8 @@ mod tests {
 
     use super::super::message::{Answer, Answered, Ask, Asked, HELLO, TAG, WORDS};
     use super::*;
-    use crate::homing::{At, Homing};
     use crate::mode::Mode;
+    use crate::request::{At, Homing};
     use crate::request::{Reason, Refusal, Request};
     use crate::telemetry::Telemetry;
     use crate::units::{Current, Place, Velocity};

@@ -1,7 +1,7 @@
 //! Homing on a rigid machine with a stop, which the actuator does not pass.
 
 use super::*;
-use crate::homing::{At, Homing};
+use crate::request::{At, Homing};
 
 /// The most that the encoder's motion may change in a period, m, and the current of an approach, A.
 const STEP: f32 = 120e-6;

@@ -3,7 +3,7 @@
 use super::{Ends, go_on};
 use crate::error::{Error, Result};
 use crate::link::require_possible;
-use arso_core::homing::At;
+use arso_core::request::At;
 use arso_core::{Current, Homing, Place, Velocity};
 use clap::{ArgGroup, Args};
 
