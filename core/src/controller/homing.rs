@@ -7,8 +7,7 @@ use crate::fault::Fault;
 use crate::homing::Memory;
 use crate::observer::StateObserver;
 use crate::protection::Protection;
-use crate::request::{At, Homing};
-use crate::request::{Reason, Request};
+use crate::request::{At, Homing, Reason, Request};
 use crate::units::{Current, Place};
 
 /// Longest approach where there is no travel, s, and where there is one, as a part of its length.
