@@ -25,6 +25,7 @@ pub mod host;
 pub mod image;
 pub mod nvic;
 pub mod peripheral;
+pub mod profile;
 pub mod rig;
 pub mod rtt;
 pub mod serial;

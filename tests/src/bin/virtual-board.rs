@@ -2,6 +2,7 @@
 
 use arso_core::Mode;
 use arso_tests::virtual_board::image::{Image, SETTINGS};
+use arso_tests::virtual_board::profile::{self, Cost, Counts};
 use arso_tests::virtual_board::rig::{Period, Switches};
 use arso_tests::virtual_board::serial::{self, Bridge, Listener};
 use arso_tests::virtual_board::{Rig, Stop};
@@ -12,10 +13,11 @@ use host_sim::chain::controlled_mass;
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile, SETTLING_BAND};
 use host_sim::error::Error;
+use host_sim::machine::Kind;
 use host_sim::output::{print, write_file};
 use host_sim::report::time;
 use host_sim::simulate::scenario::{SCENARIOS, Scenario};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -51,12 +53,22 @@ struct Cli {
     /// Write what the firmware logged, a raw defmt stream.
     #[arg(long, value_name = "FILE")]
     rtt: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// What is printed instead of a few figures.
+#[derive(Debug, clap::Args)]
+struct Output {
     /// Print every control period of the experiment, or of the excitation, as CSV.
     #[arg(long, conflicts_with = "json")]
     csv: bool,
     /// Print the summary as JSON.
     #[arg(long)]
     json: bool,
+    /// Print what each part of the control interrupt costs, on average over the periods of the experiment.
+    #[arg(long, conflicts_with_all = ["excite", "csv", "json"])]
+    profile: bool,
 }
 
 /// The board as something to talk to.
@@ -161,7 +173,7 @@ impl Cli {
         if self.line.wanted() {
             return self.serve(&mut rig, &bytes, &place, &drive);
         }
-        let (title, result) = self.play(&mut rig, scenario, &drive, &plant);
+        let (title, result, counts) = self.play(&mut rig, scenario, &drive, &plant);
         let elapsed = start.elapsed().as_secs_f64();
         if let Some(path) = &self.rtt {
             write_file(path, &rig.log)?;
@@ -174,86 +186,63 @@ impl Cli {
         }
         let periods = result.map_err(stopped)?;
 
-        if self.csv {
+        if self.output.profile {
+            let running = periods.iter().filter(|period| period.enabled).count();
+            print(&self.parts(&counts, running)?)?;
+            return self.require_arrival(&capture, &rig, scenario, drive.control.sample_time);
+        }
+        if self.output.csv {
             print(&table(&periods, drive.control.sample_time))?;
             return self.require_arrival(&capture, &rig, scenario, drive.control.sample_time);
         }
-        let cost = rig.board.interrupt_cost();
-        let (stack, stack_size) = rig.board.stack_use();
-        let simulated = rig.board.bus().now as f64 / rig.board.bus().rcc.processor_hz() as f64;
-        let rate = rig.log.len() as f64 / simulated;
-        let mean = |sum: u64| sum as f64 / cost.runs.max(1) as f64;
-        let (running_instructions, most_running_instructions) =
-            running(&periods, |p| p.instructions);
-        let (running_cycles, most_running_cycles) = running(&periods, |p| p.cycles);
-        let state = rig.plant().state();
-        let summary = json!({
-            "control_steps": cost.runs,
-            "control_steps_per_second": cost.runs as f64 / elapsed,
-            "instructions_mean": mean(cost.instructions),
-            "instructions_most": cost.most_instructions,
-            "estimated_cycles_mean": mean(cost.cycles),
-            "estimated_cycles_most": cost.most_cycles,
-            "running_instructions_mean": running_instructions,
-            "running_instructions_most": most_running_instructions,
-            "running_estimated_cycles_mean": running_cycles,
-            "running_estimated_cycles_most": most_running_cycles,
-            "preemptions": cost.preemptions,
-            "stack_used": stack,
-            "stack_size": stack_size,
-            "log_bytes_per_second": rate,
-            "log_records": capture.records.len(),
-            "log_records_lost": capture.lost,
-            "log_frames_damaged": capture.malformed,
-            "final_positions": state.iter().step_by(2).collect::<Vec<_>>(),
-        });
-        if self.json {
+        let summary = summary(&rig, &capture, &periods, elapsed);
+        if self.output.json {
             print(&format!("{summary:#}\n"))?;
             return self.require_arrival(&capture, &rig, scenario, drive.control.sample_time);
         }
-        print(&format!(
-            "{title}\n\
-             control steps            {} ({:.0} per second of this machine)\n\
-             instructions per step    {:.0} on average, {} at most\n\
-             cycles per step          {:.0} on average, {} at most (estimate, see timing.rs)\n\
-             stack                    {stack} of {stack_size} bytes used\n\
-             log                      {rate:.0} bytes/s, {} records, {} lost, {} damaged frames\n\
-             positions at the end     {} {}\n",
-            cost.runs,
-            cost.runs as f64 / elapsed,
-            mean(cost.instructions),
-            cost.most_instructions,
-            mean(cost.cycles),
-            cost.most_cycles,
-            capture.records.len(),
-            capture.lost,
-            capture.malformed,
-            state
-                .iter()
-                .step_by(2)
-                .map(|x| format!("{:.3}", 1e3 * x))
-                .collect::<Vec<_>>()
-                .join(" "),
-            drive.kind.units().milli_position,
-        ))?;
+        print(&figures(&title, &summary, drive.kind))?;
         self.require_arrival(&capture, &rig, scenario, drive.control.sample_time)
     }
 
-    /// Title and course of what is asked for.
+    /// Title and course of what is asked for, and what its control interrupt has executed.
     fn play(
         &self,
         rig: &mut Rig,
         scenario: &Scenario,
         drive: &Drive,
         plant: &PlantFile,
-    ) -> (String, Result<Vec<Period>, Stop>) {
+    ) -> (String, Result<Vec<Period>, Stop>, Counts) {
+        let mut counts = Counts::default();
         if self.excite {
-            return ("excitation: current in open loop".into(), rig.excite());
+            let title = "excitation: current in open loop".into();
+            return (title, rig.excite(), counts);
         }
         let title = format!("{}: {}", scenario.name, scenario.title(drive.kind));
-        let result = rig.commission();
-        let result = result.and_then(|()| rig.experiment(scenario, plant, self.periods));
-        (title, result)
+        let result = rig.commission().and_then(|()| {
+            rig.begin(scenario, plant)?;
+            if self.output.profile {
+                rig.board.begin_profile();
+            }
+            let periods = rig.periods(self.periods)?;
+            counts = rig.board.end_profile();
+            rig.end()?;
+            Ok(periods)
+        });
+        (title, result, counts)
+    }
+
+    /// What each part of the control interrupt costs.
+    fn parts(&self, counts: &Counts, periods: usize) -> Result<String, Error> {
+        let parts = profile::by_part(counts, &self.elf).map_err(Error::Report)?;
+        let each = |sum: u64| sum as f64 / periods.max(1) as f64;
+        let mut text = format!("{:<20} {:>12} {:>8}\n", "part", "instructions", "cycles");
+        let mut all = Cost::default();
+        for (name, cost) in &parts {
+            all.instructions += cost.instructions;
+            all.cycles += cost.cycles;
+            text += &row(name, each(cost.instructions), each(cost.cycles));
+        }
+        Ok(text + &row("all", each(all.instructions), each(all.cycles)))
     }
 
     /// Runs on with the serial port open.
@@ -382,6 +371,73 @@ fn require_same_drive(capture: &Capture, drive: &Drive) -> Result<(), Error> {
         "the firmware is not this drive's: it has {}",
         differences.join(", ")
     )))
+}
+
+fn row(name: &str, instructions: f64, cycles: f64) -> String {
+    format!("{name:<20} {instructions:>12.1} {cycles:>8.1}\n")
+}
+
+/// What a run was, in figures.
+fn summary(rig: &Rig, capture: &Capture, periods: &[Period], elapsed: f64) -> Value {
+    let cost = rig.board.interrupt_cost();
+    let (stack, stack_size) = rig.board.stack_use();
+    let simulated = rig.board.bus().now as f64 / rig.board.bus().rcc.processor_hz() as f64;
+    let rate = rig.log.len() as f64 / simulated;
+    let mean = |sum: u64| sum as f64 / cost.runs.max(1) as f64;
+    let (running_instructions, most_running_instructions) = running(periods, |p| p.instructions);
+    let (running_cycles, most_running_cycles) = running(periods, |p| p.cycles);
+    let state = rig.plant().state();
+    json!({
+        "control_steps": cost.runs,
+        "control_steps_per_second": cost.runs as f64 / elapsed,
+        "instructions_mean": mean(cost.instructions),
+        "instructions_most": cost.most_instructions,
+        "estimated_cycles_mean": mean(cost.cycles),
+        "estimated_cycles_most": cost.most_cycles,
+        "running_instructions_mean": running_instructions,
+        "running_instructions_most": most_running_instructions,
+        "running_estimated_cycles_mean": running_cycles,
+        "running_estimated_cycles_most": most_running_cycles,
+        "preemptions": cost.preemptions,
+        "stack_used": stack,
+        "stack_size": stack_size,
+        "log_bytes_per_second": rate,
+        "log_records": capture.records.len(),
+        "log_records_lost": capture.lost,
+        "log_frames_damaged": capture.malformed,
+        "final_positions": state.iter().step_by(2).collect::<Vec<_>>(),
+    })
+}
+
+/// The same for people.
+fn figures(title: &str, summary: &Value, kind: Kind) -> String {
+    let number = |name: &str| summary[name].as_f64().unwrap_or(f64::NAN);
+    let positions = summary["final_positions"].as_array();
+    let positions = positions.into_iter().flatten().filter_map(Value::as_f64);
+    let positions: Vec<String> = positions.map(|x| format!("{:.3}", 1e3 * x)).collect();
+    format!(
+        "{title}\n\
+         control steps            {} ({:.0} per second of this machine)\n\
+         instructions per step    {:.0} on average, {} at most\n\
+         cycles per step          {:.0} on average, {} at most (estimate, see timing.rs)\n\
+         stack                    {} of {} bytes used\n\
+         log                      {:.0} bytes/s, {} records, {} lost, {} damaged frames\n\
+         positions at the end     {} {}\n",
+        number("control_steps"),
+        number("control_steps_per_second"),
+        number("instructions_mean"),
+        number("instructions_most"),
+        number("estimated_cycles_mean"),
+        number("estimated_cycles_most"),
+        number("stack_used"),
+        number("stack_size"),
+        number("log_bytes_per_second"),
+        number("log_records"),
+        number("log_records_lost"),
+        number("log_frames_damaged"),
+        positions.join(" "),
+        kind.units().milli_position,
+    )
 }
 
 /// Average and maximum over the periods in which the amplifier was enabled.

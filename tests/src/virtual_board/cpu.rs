@@ -19,6 +19,7 @@ pub use snapshot::Snapshot;
 use super::bus::Bus;
 use super::image::{FLASH, FLASH_SIZE, Image, RAM, RAM_SIZE};
 use super::peripheral::flash::FlashInterface;
+use super::profile::Counts;
 use super::timing::{self, Instruction};
 use std::fmt;
 use unicorn_engine::{Arch, Mode, Prot, RegisterARM, Unicorn, uc_error};
@@ -139,6 +140,8 @@ struct Machine {
     /// Something is pending, though perhaps masked: look at every instruction.
     alert: bool,
     pause: Option<Pause>,
+    /// What the control interrupt executes, where that is counted.
+    profile: Option<Counts>,
 }
 
 impl Machine {
@@ -271,6 +274,7 @@ impl Board {
             limit: u64::MAX,
             alert: false,
             pause: None,
+            profile: None,
         };
         let mode = Mode::THUMB | Mode::MCLASS;
         let mut uc = Unicorn::new_with_data(Arch::ARM, mode, machine).expect("emulator for Arm");
@@ -317,6 +321,16 @@ impl Board {
     #[must_use]
     pub fn interrupt_cost(&self) -> InterruptCost {
         self.cost
+    }
+
+    /// Counts from now on what the control interrupt executes.
+    pub fn begin_profile(&mut self) {
+        self.uc.get_data_mut().profile = Some(Counts::default());
+    }
+
+    /// What it has executed since, which is counted no more.
+    pub fn end_profile(&mut self) -> Counts {
+        self.uc.get_data_mut().profile.take().unwrap_or_default()
     }
 
     /// Bytes of stack that were ever used, and that there are.
@@ -671,6 +685,11 @@ fn before_instruction(uc: &mut Unicorn<'_, Machine>, pc: u32) {
         cycles += timing::REFILL;
     }
     machine.bus.now += cycles;
+    if let Some(profile) = &mut machine.profile
+        && machine.bus.nvic.active() == CONTROL_INTERRUPT
+    {
+        profile.add(offset as usize / 2, cycles);
+    }
     machine.after_memory = instruction.memory;
     machine.next_pc = pc.wrapping_add(instruction.length.into());
     machine.it_left = machine.it_left.saturating_sub(1).max(instruction.it_block);

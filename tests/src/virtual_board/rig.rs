@@ -368,9 +368,17 @@ impl Rig {
     ) -> Result<Vec<Period>, Stop> {
         self.begin(scenario, plant)?;
         let done = self.periods(periods)?;
-        self.switches(Switches::default());
-        self.periods(SETTLED)?;
+        self.end()?;
         Ok(done)
+    }
+
+    /// Opens the switches after an experiment.
+    ///
+    /// # Errors
+    /// Whatever stops the firmware.
+    pub fn end(&mut self) -> Result<(), Stop> {
+        self.switches(Switches::default());
+        self.periods(SETTLED).map(drop)
     }
 
     /// Begins an experiment on a commissioned drive: puts the machine where it starts, holds it there, closes the
