@@ -13,6 +13,7 @@ use host_sim::drive::{Drive, PlantFile};
 use host_sim::error::Error;
 use host_sim::identify::drive_file;
 use host_sim::link::{Connection, Port, Pushed};
+use host_sim::report::link::{settings, settings_json};
 use host_sim::report::record::csv;
 use host_sim::simulate::corridor::settings_image;
 use rand::RngExt;
@@ -76,14 +77,15 @@ fn scratch(name: &str) -> PathBuf {
 }
 
 /// The machine that a belt drive moves, which is not quite the one that its file describes: springs that are a fifth
-/// softer, and friction.
+/// softer, and more friction.
 fn belt_machine(drive: &str) -> String {
     let mut machine = drive.to_owned();
     for (stated, true_one) in [("30e3", "24e3"), ("20e3", "16e3"), ("15e3", "12e3")] {
         assert!(machine.contains(stated));
         machine = machine.replace(stated, true_one);
     }
-    machine + "\n[friction]\ncoulomb = 1.0\n"
+    assert!(machine.contains("coulomb = 1.0"));
+    machine.replace("coulomb = 1.0", "coulomb = 1.4")
 }
 
 /// The firmware of the default drive becomes that of a belt drive of 5 A, moves its machine to random targets, teaches
@@ -161,8 +163,24 @@ fn belt_drive(targets: usize) {
     let (header, said) = host.settings().unwrap();
     assert_eq!(header.fingerprint, status.fingerprint);
     assert_eq!(said[HEADER..], better[HEADER..said.len()]);
+    let shown = settings_json(&header, &said, status.source).unwrap();
+    let shown = settings(&host, shown, status.source).unwrap();
+    for line in [
+        "# settings: kept in flash, set 2",
+        "[limits]\ncurrent_limit = 5.0\ncurrent_resolution = 0.0025\n",
+        "zero_code = 2080\n",
+        "[encoder]\ncounter_bits = 16\nresolution = 0.000005\n",
+    ] {
+        assert!(shown.contains(line), "{line}: {shown}");
+    }
     host.enable(&GO_ON).unwrap();
     host.go(Request::MoveBy(10_000), &GO_ON).unwrap();
+    host.request(Request::Stop).unwrap();
+    assert!(host.forget_settings().unwrap());
+    let status = host.status().unwrap();
+    assert_eq!(status.source, Source::CompiledIn);
+    assert_ne!(status.fingerprint, Header::of(&better).unwrap().fingerprint);
+    assert!(!host.forget_settings().unwrap());
 }
 
 #[test]

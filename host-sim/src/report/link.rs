@@ -161,7 +161,7 @@ pub fn settings(drive: &Connection, value: Value, source: Source) -> Result<Stri
             plans.last().and_then(|plan| plan["reach"].as_f64()),
         )
     });
-    let settings = without_null(value.remove("settings").unwrap_or_default());
+    let settings = as_toml(value.remove("settings").unwrap_or_default());
     let text = toml::to_string(&settings)
         .map_err(|error| Error::Report(format!("the settings as TOML: {error}")))?;
     let reach = reach.unwrap_or_default();
@@ -173,17 +173,27 @@ pub fn settings(drive: &Connection, value: Value, source: Source) -> Result<Stri
     ))
 }
 
-/// What there is none of is left out.
-fn without_null(value: Value) -> Value {
-    match value {
-        Value::Object(table) => {
-            let kept = table.into_iter().filter(|(_, value)| !value.is_null());
-            kept.map(|(key, value)| (key, without_null(value)))
-                .collect::<serde_json::Map<_, _>>()
-                .into()
-        }
-        other => other,
-    }
+/// A value as TOML has it; what there is none of is left out.
+fn as_toml(value: Value) -> Option<toml::Value> {
+    Some(match value {
+        Value::Null => return None,
+        Value::Bool(value) => value.into(),
+        Value::Number(number) => match number.as_i64() {
+            Some(whole) => whole.into(),
+            None => number.as_f64()?.into(),
+        },
+        Value::String(text) => text.into(),
+        Value::Array(values) => values
+            .into_iter()
+            .filter_map(as_toml)
+            .collect::<Vec<_>>()
+            .into(),
+        Value::Object(table) => table
+            .into_iter()
+            .filter_map(|(key, value)| Some((key, as_toml(value)?)))
+            .collect::<toml::Table>()
+            .into(),
+    })
 }
 
 /// Faults for JSON, the oldest first.

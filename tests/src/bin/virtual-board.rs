@@ -75,7 +75,7 @@ struct Output {
 #[derive(Debug, clap::Args)]
 struct Line {
     /// Instead of an experiment run on in step with this machine's clock, the run switch closed and the
-    /// target switches at 0, with the drive's serial port as a pseudo-terminal. The first line of the
+    /// target switches at 0 (firmware of another drive than DRIVE.toml's waits to be told over its link), with the drive's serial port as a pseudo-terminal. The first line of the
     /// output names it. Ctrl-C or the end of standard input end it.
     #[arg(long, conflicts_with_all = ["tcp", "scenario", "periods", "excite", "csv", "json"])]
     serial: bool,
@@ -247,12 +247,15 @@ impl Cli {
 
     /// Runs on with the serial port open.
     fn serve(&self, rig: &mut Rig, elf: &[u8], place: &str, drive: &Drive) -> Result<(), Error> {
-        rig.switch_on()
-            .map_err(|stop| Error::Simulation(stop.to_string()))?;
+        let stopped = |stop: Stop| Error::Simulation(stop.to_string());
+        // Closed from the beginning on, the run switch lets the switches ask nothing.
+        rig.switches(Switches::run(0));
+        rig.period().map_err(stopped)?;
         let capture = read_defmt(elf, place, &rig.log[..], |_| ())?;
-        // It can be told over its link.
-        if let Err(error) = require_same_drive(&capture, drive) {
-            eprintln!("warning: {error}");
+        match require_same_drive(&capture, drive) {
+            Ok(()) => rig.switch_on().map_err(stopped)?,
+            // Nothing is asked of it but over its link, by which it can be told.
+            Err(error) => eprintln!("warning: {error}"),
         }
         for message in &capture.messages {
             eprintln!("{message}");
