@@ -167,7 +167,17 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
                 }),
             ) => return refused(Reason::Homing),
             (Request::Home(homing), _, Activity::Running(running)) => {
-                let allowed = self.parts.may_home(&homing, self.home, self.stiction);
+                let stands = running.asked.is_none()
+                    && running
+                        .memory
+                        .as_ref()
+                        .is_some_and(|memory| memory.moves.rests() && memory.standstill.ended());
+                if !stands {
+                    return refused(Reason::Moving);
+                }
+                let held = Current(self.telemetry.command);
+                let parts = &self.parts;
+                let allowed = parts.may_home(&homing, self.home, (self.stiction, held));
                 if let Err(reason) = allowed {
                     return refused(reason);
                 }
@@ -615,17 +625,27 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
                 + feedback.0
                 + rule.compensation.0 * self.current_per_force,
         );
-        let homing = running.homing.as_ref();
-        let command = within(&self.limits_of(homing), wanted)?;
+        let command = within(&self.limits_of(running.homing.as_ref()), wanted)?;
         let cut = command.limited && !reference.rests;
-        if !homing.is_some_and(|homing| homing.pushes(command.current)) {
-            self.slip(memory, &mut running.asked, cut.then_some(error));
-        } else if cut {
-            self.set_back(memory, Position(-reference.displacement));
+        match &mut running.homing {
+            Some(homing) if homing.pushes(command.current) => {
+                if cut {
+                    let back = homing.owes(reference.displacement, self.encoder.resolution);
+                    self.set_back(memory, back);
+                }
+            }
+            _ => self.slip(memory, &mut running.asked, cut.then_some(error)),
         }
-        if homing.is_some() {
+        if running.homing.is_some() {
             let now = (reading, measurement.home);
-            self.home(running, encoder, now, reference.rests, command.current)?;
+            if self.home(running, encoder, now, reference.rests, command.current)? {
+                // The record of this very period has the new names.
+                telemetry.position = self.encoder.position(encoder.place()).0;
+                telemetry.position_set = true;
+                let target = running.target(encoder.place());
+                let target = self.encoder.position(target);
+                record(telemetry, target, &reference, &estimate, forces);
+            }
         }
         Ok(Some(command))
     }

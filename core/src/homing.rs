@@ -3,7 +3,7 @@
 //! ```text
 //! approach   it jogs until the place is found
 //!   stop       with a limited current, until the actuator has stood still against it (50 ms, see `rest`)
-//!   input      until the home switch is active
+//!   input      until the home switch has been active for three periods; the first of them is the place
 //! settle     by stop: it stands there, from rest as after a start, until the loads do
 //! back       it moves back from there by a plan, with all that the motor has, and settles; from a stop by one that
 //!            never turns round, for most plans of short ways do
@@ -22,7 +22,7 @@
 //! |s_k − s_k−1| ≤ encoder_step + 2 T² k_f I / m_a            (see `protection::encoder_step`)
 //! ```
 //!
-//! All other watches stay, but for that of the stall. So that the encoder's motion is watched too, an approach to a
+//! Stall, tracking and travel are not watched until it moves back; all other watches stay. So that the encoder's motion is watched too, an approach to a
 //! stop is slower than half of `encoder_step / T`.
 
 use crate::encoder::Reading;
@@ -30,10 +30,12 @@ use crate::fault::Fault;
 use crate::protection::Trip;
 use crate::request::{At, Homing};
 use crate::rest::{self, Rest};
-use crate::units::{Current, Place, Velocity};
+use crate::units::{Current, Place, Position, Velocity};
 
 /// Share of the current with which the actuator is pushed against a stop.
-const PUSHED: f32 = 0.9;
+pub(crate) const PUSHED: f32 = 0.9;
+/// Control periods in a row for which the home switch must be active: one alone may be a disturbance of its line.
+const ACTIVE: u8 = 3;
 
 /// Homing under way.
 #[derive(Clone, Copy, Debug)]
@@ -42,9 +44,13 @@ pub(crate) struct Memory {
     phase: Phase,
     /// Current that the command is limited to, until the machine moves back from a stop.
     limit: Option<Current>,
-    /// Periods of the approach, and the most that it may have.
+    /// Periods of the approach and of settling at a stop, and the most that they may be.
     periods: u32,
     longest: u32,
+    /// Where the home switch became active, and for how many periods it has been.
+    edge: Option<(Place, u8)>,
+    /// Of a count, by which the reference is still to be set back, m.
+    owed: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -70,6 +76,8 @@ impl Memory {
             },
             periods: 0,
             longest,
+            edge: None,
+            owed: 0.0,
         }
     }
 
@@ -101,7 +109,7 @@ impl Memory {
         }
     }
 
-    /// Velocity of an approach to a stop.
+    /// Velocity and largest current of an approach to a stop, until the machine moves back from it.
     pub(crate) fn seeks_stop(&self) -> Option<(Velocity, Current)> {
         Some((self.homing.velocity, self.limit?))
     }
@@ -123,7 +131,7 @@ impl Memory {
 
     /// One period: whether the place is still to be waited for.
     pub(crate) fn wait(&mut self, sample_time: f32) -> Result<(), Trip> {
-        if let Phase::Approach(_) = self.phase {
+        if let Phase::Approach(_) | Phase::Settle(_) = self.phase {
             self.periods = self.periods.saturating_add(1);
         }
         if self.periods <= self.longest {
@@ -145,7 +153,17 @@ impl Memory {
         Some(self.homing.rests_at(found))
     }
 
-    /// One period of the approach: whether this is the place.
+    /// By how much the reference is to be set back, so that it does not go on: whole counts, the rest later.
+    ///
+    /// * `displacement`: by which it went on, m
+    pub(crate) fn owes(&mut self, displacement: f32, resolution: f32) -> Position {
+        self.owed -= displacement;
+        let whole = libm::roundf(self.owed / resolution) * resolution;
+        self.owed -= whole;
+        Position(whole)
+    }
+
+    /// One period of the approach: the place, once it is found.
     ///
     /// * `active`: whether the home switch is
     pub(crate) fn seek(
@@ -154,27 +172,32 @@ impl Memory {
         reading: &Reading,
         active: bool,
         command: Current,
-    ) -> Option<At> {
+    ) -> Option<(At, Place)> {
         let towards = self.towards(command);
         let Phase::Approach(memory) = &mut self.phase else {
             return None;
         };
         let found = match self.homing.at {
-            At::Input => active,
+            At::Input => {
+                let (edge, periods) = self.edge.unwrap_or((reading.place, 0));
+                self.edge = active.then_some((edge, periods + 1));
+                if !active || periods + 1 < ACTIVE {
+                    return None;
+                }
+                self.phase = Phase::Back(edge);
+                edge
+            }
             At::Stop { current } => {
                 if towards < PUSHED * current.0 {
                     *memory = memory.moved_to(reading.place);
                 }
-                rest.step(memory, reading)
+                if !rest.step(memory, reading) {
+                    return None;
+                }
+                self.phase = Phase::Settle(reading.place);
+                reading.place
             }
         };
-        if !found {
-            return None;
-        }
-        self.phase = match self.homing.at {
-            At::Stop { .. } => Phase::Settle(reading.place),
-            At::Input => Phase::Back(reading.place),
-        };
-        Some(self.homing.at)
+        Some((self.homing.at, found))
     }
 }

@@ -32,7 +32,7 @@ pub enum Request {
     MoveBy(i64),
     /// Move at that velocity until something else is asked; running drives only.
     Jog(Velocity),
-    /// Find zero; begins when the machine rests, and is ended by `Halt` and `Stop`; running drives only.
+    /// Find zero, from where the machine is held; ended by `Halt` and `Stop`; running drives only.
     Home(Homing),
     /// Come to rest by a plan and stay there; running drives only.
     Halt,

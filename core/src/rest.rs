@@ -91,6 +91,11 @@ impl Rest {
     }
 
     /// What so many grains are, m.
+    /// Whether an actuator that moves at that velocity, m/s, is told from one that rests, with as much to spare.
+    pub(crate) fn tells(&self, velocity: f32) -> bool {
+        velocity * REST_TIME > 2.0 * self.metres(STILL)
+    }
+
     pub(crate) fn metres(&self, grains: f32) -> f32 {
         grains / self.per_metre
     }

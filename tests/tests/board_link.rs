@@ -199,6 +199,7 @@ fn zero_is_found_over_it() {
     };
     let mut slowest = 0;
     let mut home = |host: &mut Host, homing: Homing| {
+        host.periods(600);
         assert_eq!(host.request(Request::Home(homing)), Ok(()));
         assert!(host.status().homing);
         for _ in 0..400 {
@@ -241,6 +242,7 @@ fn zero_is_found_over_it() {
     }
     println!("{slowest} instructions at most");
     // The host is gone.
+    host.periods(600);
     assert_eq!(host.request(Request::Home(stop)), Ok(()));
     host.periods(1000);
     let status = host.status();

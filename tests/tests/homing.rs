@@ -47,7 +47,7 @@ impl Machine {
             machine.period();
         }
         machine.core.request(Request::Start).unwrap();
-        for _ in 0..200 {
+        for _ in 0..800 {
             machine.period();
         }
         machine

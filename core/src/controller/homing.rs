@@ -4,7 +4,7 @@ use super::Parts;
 use super::activity::{Loop, Running};
 use crate::encoder::{self, Reading};
 use crate::fault::Fault;
-use crate::homing::Memory;
+use crate::homing::{Memory, PUSHED};
 use crate::observer::StateObserver;
 use crate::protection::Protection;
 use crate::request::{At, Homing, Reason, Request};
@@ -19,11 +19,12 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
     ///
     /// * `active`: whether the home switch is
     /// * `stiction`: by which friction has been seen to hold the actuator, N
+    /// * `held`: the current that holds the machine now
     pub(super) fn may_home(
         &self,
         homing: &Homing,
         active: bool,
-        stiction: Option<f32>,
+        (stiction, held): (Option<f32>, Current),
     ) -> Result<(), Reason> {
         let velocity = homing.velocity.0.abs();
         if !self.moves.cruises(velocity) {
@@ -33,14 +34,16 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             At::Input if active => return Err(Reason::HomeSwitch),
             At::Input => {}
             At::Stop { current } => {
-                if 2.0 * velocity * self.sample_time > self.protection.encoder_step() {
+                let seen = 2.0 * velocity * self.sample_time <= self.protection.encoder_step();
+                if !seen || !self.rest.tells(velocity) {
                     return Err(Reason::Velocity);
                 }
                 let friction = self.friction.coulomb.max(stiction.unwrap_or(0.0))
                     + self.friction.viscous * velocity;
                 let taken = (friction + self.holding_force.0.abs()) * self.current_per_force;
+                let taken = taken.max(held.0.abs());
                 // Written so that what is no number is none of them.
-                if !(current.0 > taken && current.0 < self.limits.current_limit) {
+                if !(PUSHED * current.0 > taken && current.0 < self.limits.current_limit) {
                     return Err(Reason::Current);
                 }
                 let back_off = homing.back_off as f32 * self.encoder.resolution;
@@ -75,18 +78,22 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
     ) -> Memory {
         Protection::<N>::leaves_travel(&mut memory.protection);
         *asked = Some(Request::Jog(homing.velocity));
+        let settling = 2 * self.standstill.settling;
         let longest = self.protection.travel().map_or(LONGEST, |travel| {
             let length = self.encoder.distance(travel.lowest, travel.highest);
             FARTHEST * length.0 / homing.velocity.0.abs()
         });
         // The cast saturates.
-        Memory::new(homing, (longest / self.sample_time) as u32)
+        let longest = (longest / self.sample_time) as u32;
+        Memory::new(homing, longest.saturating_add(settling))
     }
 
     /// The end of a period of a drive that homes.
     ///
     /// * `active`: whether the home switch is
     /// * `rests`: whether the reference does
+    ///
+    /// Whether the places have new names from now on.
     #[cold]
     #[inline(never)]
     pub(super) fn home(
@@ -96,25 +103,25 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         (reading, active): (&Reading, bool),
         rests: bool,
         command: Current,
-    ) -> Result<(), Fault> {
+    ) -> Result<bool, Fault> {
         let (Some(homing), Some(memory)) = (&mut running.homing, &mut running.memory) else {
-            return Ok(());
+            return Ok(false);
         };
         let to_stop = homing.limit().is_some();
         match homing.seek(&self.rest, reading, active, command) {
             None => {}
-            Some(At::Input) => {
-                running.asked = Some(Request::Move(homing.rests_at(reading.place)));
-                return Ok(());
+            Some((At::Input, edge)) => {
+                running.asked = Some(Request::Move(homing.rests_at(edge)));
+                return Ok(false);
             }
-            Some(At::Stop { .. }) => {
+            Some((At::Stop { .. }, _)) => {
                 // What has pushed the actuator is void: from rest, as after a start.
                 running.memory = None;
-                return Ok(());
+                return Ok(false);
             }
         }
         if running.asked.is_some() || !rests {
-            return Ok(());
+            return Ok(false);
         }
         let holds = memory.standstill.holds();
         if let Some(rests_at) = holds.then(|| homing.settled()).flatten() {
@@ -122,7 +129,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
                 .moves
                 .retreat(&mut memory.moves, memory.target, rests_at);
             memory.target = begun.map_err(|_| Fault::Target)?;
-            return Ok(());
+            return Ok(false);
         }
         match homing.found() {
             Some((found, name)) if holds => {
@@ -135,8 +142,9 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
                 encoder.set(place);
                 self.protection.keeps_travel(&mut memory.protection, place);
                 running.homing = None;
+                return Ok(true);
             }
-            None if homing.ends() => {
+            None if homing.ends() && memory.standstill.ended() => {
                 if encoder.is_set() {
                     self.protection
                         .keeps_travel(&mut memory.protection, reading.place);
@@ -149,6 +157,6 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             }
             _ => {}
         }
-        Ok(())
+        Ok(false)
     }
 }

@@ -56,7 +56,7 @@ impl Moves<'_> {
                 return Ok(place);
             }
             // A jog has none.
-            Some(Request::Step(_) | Request::Home(_)) if memory.pace != 0 => {
+            Some(Request::Step(_)) if memory.pace != 0 => {
                 let Answer { shift, .. } = self.halt(memory);
                 Ok(Answer { shift, done: false })
             }

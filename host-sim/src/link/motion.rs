@@ -5,9 +5,9 @@ use crate::capture::short;
 use crate::error::{Error, Result};
 use crate::output::significant;
 use arso_core::link::message::Status;
-use arso_core::request::Request;
-use arso_core::{Fault, Homing, Mode, Place, Velocity};
-use std::time::Duration;
+use arso_core::request::{Reason, Request};
+use arso_core::{Fault, Homing, Mode, Place, Refusal, Velocity};
+use std::time::{Duration, Instant};
 
 /// Largest position, distance or velocity that can be asked for, m or m/s.
 pub const LARGEST: f64 = 1e6;
@@ -17,6 +17,9 @@ const EVERY: Duration = Duration::from_millis(5);
 const EVERY_IN_JOG: Duration = Duration::from_millis(30);
 /// Time of the drive after which what it is doing is what was asked of it, s.
 const BEGUN: f64 = 0.01;
+
+/// How long a machine is waited for that settles.
+const SETTLES: Duration = Duration::from_secs(5);
 
 /// Whether to go on waiting.
 pub type GoOn<'a> = dyn Fn() -> bool + 'a;
@@ -201,9 +204,9 @@ impl Connection {
     /// [`Error::Refused`]; [`Error::Drive`] for a fault on the way, for a drive that comes to rest without having found
     /// it, and for an interruption, after which the machine is halted and zero is what it was; [`Error::Link`].
     pub fn home(&mut self, homing: Homing, go_on: &GoOn<'_>) -> Result<Arrival> {
-        let before = self.status()?;
         require_go_on(go_on)?;
-        self.request(Request::Home(homing))?;
+        self.home_from_rest(homing, go_on)?;
+        let before = self.status()?;
         let back = i64::from(homing.back_off);
         let back = if homing.velocity.0 > 0.0 { -back } else { back };
         let rests = Place(homing.position.0.wrapping_add(back));
@@ -232,6 +235,20 @@ impl Connection {
                 )));
             }
             std::thread::sleep(EVERY_IN_JOG);
+        }
+    }
+
+    /// Asks for homing, once the machine has settled.
+    fn home_from_rest(&mut self, homing: Homing, go_on: &GoOn<'_>) -> Result<()> {
+        let patience = Instant::now() + SETTLES;
+        loop {
+            match self.request(Request::Home(homing)) {
+                Err(Error::Refused(Refusal {
+                    reason: Reason::Moving,
+                    ..
+                })) if go_on() && Instant::now() < patience => std::thread::sleep(EVERY),
+                done => return done,
+            }
         }
     }
 
