@@ -594,15 +594,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         let sought = |homing: &mut Homing| homing.wait(self.sample_time);
         let watched = watched.and_then(|()| running.homing.as_mut().map_or(Ok(()), sought));
         if let Err(trip) = watched {
-            if trip.fault.reaction() == Reaction::Off {
-                return Err(trip);
-            }
-            // What led to the braking is no news while it goes on.
-            if running.stopping.is_none() {
-                telemetry.fault_value = trip.value;
-                running.stopping = Some(Stopping::new(trip.fault, reading.place));
-                running.asked = None;
-            }
+            let asked = (&mut running.stopping, &mut running.asked);
+            brakes(trip, asked, reading.place, telemetry)?;
         }
         memory.fed.moves = reference.feed_forward;
         if let Some(stopping) = &mut running.stopping {
@@ -629,10 +622,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         let cut = command.limited && !reference.rests;
         match &mut running.homing {
             Some(homing) if homing.pushes(command.current) => {
-                if cut {
-                    let back = homing.owes(reference.displacement, self.encoder.resolution);
-                    self.set_back(memory, back);
-                }
+                let back = homing.owes(reference.displacement, self.encoder.resolution, cut);
+                self.set_back(memory, back);
             }
             _ => self.slip(memory, &mut running.asked, cut.then_some(error)),
         }
@@ -640,10 +631,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             let now = (reading, measurement.home);
             if self.home(running, encoder, now, reference.rests, command.current)? {
                 // The record of this very period has the new names.
-                telemetry.position = self.encoder.position(encoder.place()).0;
-                telemetry.position_set = true;
-                let target = running.target(encoder.place());
-                let target = self.encoder.position(target);
+                let target = self.renamed(running, encoder.place(), telemetry);
                 record(telemetry, target, &reference, &estimate, forces);
             }
         }
@@ -779,6 +767,28 @@ fn within(limits: &Limits, current: Current) -> Result<Command, Fault> {
         enable: true,
         limited: limited.limited,
     })
+}
+
+/// A fault is answered by braking, where it leaves the loop trustworthy.
+///
+/// # Errors
+/// The fault, where it does not.
+fn brakes<L>(
+    trip: Trip,
+    (stopping, asked): (&mut Option<Stopping>, &mut Option<Request>),
+    place: Place,
+    telemetry: &mut Telemetry<L>,
+) -> Result<(), Trip> {
+    if trip.fault.reaction() == Reaction::Off {
+        return Err(trip);
+    }
+    // What led to the braking is no news while it goes on.
+    if stopping.is_none() {
+        telemetry.fault_value = trip.value;
+        *stopping = Some(Stopping::new(trip.fault, place));
+        *asked = None;
+    }
+    Ok(())
 }
 
 /// What a period of the closed loop found, into its record.

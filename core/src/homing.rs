@@ -153,11 +153,14 @@ impl Memory {
         Some(self.homing.rests_at(found))
     }
 
-    /// By how much the reference is to be set back, so that it does not go on: whole counts, the rest later.
+    /// By how much the reference is to be set back, so that it does not go on where the command is cut: whole counts, the
+    /// rest later.
     ///
     /// * `displacement`: by which it went on, m
-    pub(crate) fn owes(&mut self, displacement: f32, resolution: f32) -> Position {
-        self.owed -= displacement;
+    pub(crate) fn owes(&mut self, displacement: f32, resolution: f32, cut: bool) -> Position {
+        if cut {
+            self.owed -= displacement;
+        }
         let whole = libm::roundf(self.owed / resolution) * resolution;
         self.owed -= whole;
         Position(whole)

@@ -208,8 +208,10 @@ impl<S: Spare> Keeping<S> {
     /// A control period.
     pub(crate) fn period(&mut self, mode: Mode) -> Due {
         match &mut self.state {
-            // Whoever asked for it has not been heard.
-            State::Nothing if mode == Mode::Storing => self.open(None),
+            // That it stores was not heard here, and nothing is prepared for it.
+            State::Nothing if mode == Mode::Storing => {
+                self.state = State::Parting(self.parting);
+            }
             State::Nothing => {}
             State::Opening(0, number) => {
                 let number = *number;

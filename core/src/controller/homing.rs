@@ -8,7 +8,8 @@ use crate::homing::{Memory, PUSHED};
 use crate::observer::StateObserver;
 use crate::protection::Protection;
 use crate::request::{At, Homing, Reason, Request};
-use crate::units::{Current, Place};
+use crate::telemetry::Telemetry;
+use crate::units::{Current, Place, Position};
 
 /// Longest approach where there is no travel, s, and where there is one, as a part of its length.
 const LONGEST: f32 = 60.0;
@@ -86,6 +87,20 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         // The cast saturates.
         let longest = (longest / self.sample_time) as u32;
         Memory::new(homing, longest.saturating_add(settling))
+    }
+
+    /// Where the actuator is by its new name, into the record; the target by its own.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn renamed(
+        &self,
+        running: &Running<N, O>,
+        place: Place,
+        telemetry: &mut Telemetry<[f32; N]>,
+    ) -> Position {
+        telemetry.position = self.encoder.position(place).0;
+        telemetry.position_set = true;
+        self.encoder.position(running.target(place))
     }
 
     /// The end of a period of a drive that homes.
