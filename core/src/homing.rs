@@ -22,8 +22,8 @@
 //! |s_k − s_k−1| ≤ encoder_step + 2 T² k_f I / m_a            (see `protection::encoder_step`)
 //! ```
 //!
-//! Stall, tracking and travel are not watched until it moves back; all other watches stay. So that the encoder's motion is watched too, an approach to a
-//! stop is slower than half of `encoder_step / T`.
+//! Stall, tracking and travel are not watched until it moves back; all other watches stay. So that the encoder's motion
+//! is watched too, an approach to a stop is slower than half of `encoder_step / T`.
 
 use crate::encoder::Reading;
 use crate::fault::Fault;

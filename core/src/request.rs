@@ -72,7 +72,8 @@ pub enum At {
 
 impl Homing {
     /// Where it is to rest, from the place found.
-    pub(crate) fn rests_at(&self, found: Place) -> Place {
+    #[must_use]
+    pub fn rests_at(&self, found: Place) -> Place {
         let back = i64::from(self.back_off);
         Place(if self.velocity.0 > 0.0 {
             found.0.wrapping_sub(back)

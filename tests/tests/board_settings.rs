@@ -314,18 +314,16 @@ fn power_cuts(every: (u64, u64)) {
     // The set.
     host.rig.restore(&fresh);
     assert_eq!(host.request(Request::Store), Ok(()));
-    let (header, rest) = new.split_at(HEADER);
-    let mut at = 0;
     let mut operations = 0;
-    for bytes in std::iter::once(header).chain(rest.chunks(BYTES)) {
-        let piece = Piece {
-            at: at as u32,
-            bytes: bytes.iter().copied().collect(),
-        };
+    for piece in Piece::of(&new) {
         let before = host.rig.snapshot();
-        let last = at + bytes.len() == new.len();
-        at += bytes.len();
-        let writes = if at == HEADER { 0 } else { bytes.len() as u64 };
+        let last = piece.at as usize + piece.bytes.len() == new.len();
+        // The header waits in memory.
+        let writes = if piece.at == 0 {
+            0
+        } else {
+            piece.bytes.len() as u64
+        };
         let chosen = (0..writes).filter(|write| {
             let operation = operations + write;
             operation.is_multiple_of(every.0) || (last && write + 1 == writes)

@@ -18,8 +18,7 @@
 //!
 //! Of `Home`, 6098h (method) and the direction of 6099h (speeds) say what is looked for: 20 and 22 are the edge of the
 //! home switch on the way up and down (an active one is refused, not moved off), −1 and −2, the manufacturer's own, a
-//! stop there. 607Ch (home offset) is
-//! `position` the other way round; current and way back have no object. *Homing attained* is `position_set`: homing
+//! stop there. 607Ch (home offset) is `position` the other way round; current and way back have no object. *Homing attained* is `position_set`: homing
 //! ends with its mode, so in it bits 10, 12 and 13 of the statusword are zero, in progress; an error is a fault.
 //!
 //! | mode of the drive | state | mode of operation |

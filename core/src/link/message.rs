@@ -12,6 +12,7 @@
 //! not read, whatever they say, but for tag [`HELLO`], whose two messages stay as they are for ever: an empty
 //! one asks, and an [`Introduction`] answers. So a host of any age can say in words why it is not understood.
 
+use super::image::HEADER;
 use crate::fault::Fault;
 use crate::mode::Mode;
 use crate::request::{Refusal, Request};
@@ -91,6 +92,24 @@ pub struct Piece {
     pub at: u32,
     /// What they are.
     pub bytes: Vec<u8, BYTES>,
+}
+
+impl Piece {
+    /// The pieces of a set in their order, the header first.
+    pub fn of(set: &[u8]) -> impl Iterator<Item = Self> {
+        let (header, rest) = set.split_at(HEADER.min(set.len()));
+        let mut at = 0;
+        core::iter::once(header)
+            .chain(rest.chunks(BYTES))
+            .map(move |bytes| {
+                let piece = Self {
+                    at,
+                    bytes: bytes.iter().copied().collect(),
+                };
+                at += bytes.len() as u32;
+                piece
+            })
+    }
 }
 
 /// An answer with the number of its question.

@@ -207,9 +207,7 @@ impl Connection {
         require_go_on(go_on)?;
         self.home_from_rest(homing, go_on)?;
         let before = self.status()?;
-        let back = i64::from(homing.back_off);
-        let back = if homing.velocity.0 > 0.0 { -back } else { back };
-        let rests = Place(homing.position.0.wrapping_add(back));
+        let rests = homing.rests_at(homing.position);
         loop {
             let status = self.status_in_jog()?;
             let time = self.time(before.period, status.period);

@@ -10,7 +10,7 @@
 use super::Connection;
 use crate::error::{Error, Result};
 use arso_core::Mode;
-use arso_core::link::image::{HEADER, Header};
+use arso_core::link::image::Header;
 use arso_core::link::message::{Answer, Ask, BYTES, Piece, Source, Status};
 use arso_core::request::Request;
 use std::time::{Duration, Instant};
@@ -46,7 +46,7 @@ impl Connection {
         let loads = self.introduction().loads;
         if header.loads != loads {
             return Err(Error::Drive(format!(
-                "the settings are for {} loads, and the drive\'s firmware is built for {loads}: build it with the \
+                "the settings are for {} loads, and the drive's firmware is built for {loads}: build it with the \
                  gains of a drive of as many loads",
                 header.loads
             )));
@@ -125,16 +125,10 @@ impl Connection {
     }
 
     fn send_pieces(&mut self, set: &[u8], progress: impl Fn(usize, usize)) -> Result<()> {
-        let (header, rest) = set.split_at(HEADER.min(set.len()));
-        let mut at = 0;
-        for bytes in std::iter::once(header).chain(rest.chunks(BYTES)) {
-            let piece = Piece {
-                at: at as u32,
-                bytes: bytes.iter().copied().collect(),
-            };
+        for piece in Piece::of(set) {
+            let sent = piece.at as usize + piece.bytes.len();
             self.taken(Ask::Put(piece))?;
-            at += bytes.len();
-            progress(at, set.len());
+            progress(sent, set.len());
         }
         Ok(())
     }

@@ -58,25 +58,35 @@ impl<const N: usize, O: StateObserver<N> + Clone> Corridor for Controller<'_, N,
     }
 }
 
+/// Hands the core's observers, with their numbers of loads and states, to a macro behind its arguments.
+macro_rules! with_observers {
+    ($then:ident! $arguments:tt) => {
+        $then! { $arguments
+            Anchored: 1 5, 2 7, 3 9, 4 11, 5 13, 6 15;
+            Reaction: 1 4, 2 6, 3 8, 4 10, 5 12, 6 14;
+        }
+    };
+}
+
 /// Calls `$function::<N, S, O>($design, O::new, "O", …)` with the core's observer of a design and its
 /// sizes.
 macro_rules! with_sizes {
     ($function:ident($design:expr $(, $argument:expr)*)) => {
-        with_sizes!(@ $function, $design, ($($argument),*),
-            Anchored: 1 5, 2 7, 3 9, 4 11, 5 13, 6 15;
-            Reaction: 1 4, 2 6, 3 8, 4 10, 5 12, 6 14;
-        )
+        with_observers!(by_design! ($function, $design, ($($argument),*)))
     };
-    (@ $function:ident, $design:expr, $arguments:tt,
+}
+
+macro_rules! by_design {
+    (($function:ident, $design:expr, $arguments:tt)
      $($observer:ident: $($loads:literal $states:literal),+;)+) => {
         match ($design.drive.control.observer, $design.loads()) {
-            $($((Observer::$observer, $loads) => with_sizes!(
-                @@ $function::<$loads, $states, _>, $design, $observer, $arguments
+            $($((Observer::$observer, $loads) => by_design!(
+                @ $function::<$loads, $states, _>, $design, $observer, $arguments
             ),)+)+
             (_, loads) => unreachable!("a drive has 1 to {MAX_LOADS} loads, not {loads}"),
         }
     };
-    (@@ $function:path, $design:expr, $observer:ident, ($($argument:expr),*)) => {
+    (@ $function:path, $design:expr, $observer:ident, ($($argument:expr),*)) => {
         $function($design, $observer::new, stringify!($observer) $(, $argument)*)
     };
 }
@@ -223,19 +233,17 @@ pub fn settings_said(header: &Header, bytes: &[u8]) -> error::Result<serde_json:
         let text = serde_json::to_string(&said).and_then(|text| serde_json::from_str(&text));
         text.map_err(|error| error.to_string())
     }
-    macro_rules! with_form {
-        ($($observer:ident: $($loads:literal $states:literal),+;)+) => {
-            match (header.form, header.loads) {
+    macro_rules! by_form {
+        (($header:expr, $bytes:expr)
+         $($observer:ident: $($loads:literal $states:literal),+;)+) => {
+            match ($header.form, $header.loads) {
                 $($((<$observer<$loads, $states> as StateObserver<$loads>>::FORM, $loads) => {
-                    of::<$loads, $observer<$loads, $states>>(header, bytes)
+                    of::<$loads, $observer<$loads, $states>>($header, $bytes)
                 })+)+
                 (_, loads) => Err(NoSet::Loads(loads).to_string()),
             }
         };
     }
-    let said = with_form! {
-        Anchored: 1 5, 2 7, 3 9, 4 11, 5 13, 6 15;
-        Reaction: 1 4, 2 6, 3 8, 4 10, 5 12, 6 14;
-    };
+    let said = with_observers!(by_form!(header, bytes));
     said.map_err(|error| Error::Link(format!("the settings of the drive cannot be read: {error}")))
 }

@@ -5,8 +5,7 @@ use super::image::Image;
 use super::rig::{Period, Switches};
 use super::{Rig, Stop};
 use arso_core::link::frame::{LONGEST, Receiver, frame};
-use arso_core::link::image::HEADER;
-use arso_core::link::message::{Answer, Answered, Ask, Asked, BYTES, Piece, Status, TAG};
+use arso_core::link::message::{Answer, Answered, Ask, Asked, Piece, Status, TAG};
 use arso_core::request::{Reason, Request};
 use arso_core::{Mode, Place};
 use host_sim::drive::{Drive, PlantFile};
@@ -224,14 +223,7 @@ impl Host {
     /// # Panics
     /// Where the board stops.
     pub fn put(&mut self, set: &[u8]) -> Option<Said> {
-        let (header, rest) = set.split_at(HEADER);
-        let mut at = 0;
-        for bytes in std::iter::once(header).chain(rest.chunks(BYTES)) {
-            let piece = Piece {
-                at: at as u32,
-                bytes: bytes.iter().copied().collect(),
-            };
-            at += bytes.len();
+        for piece in Piece::of(set) {
             match self.ask(Ask::Put(piece)) {
                 Answer::Taken => {}
                 other => return Some(other),
