@@ -30,9 +30,9 @@ impl Amplifier {
     #[must_use]
     pub fn code(&self, current: Current, codes: u16) -> u16 {
         let steps = current.0 / self.step;
-        // The cast saturates, and makes zero of what is no number.
+        // To the nearest; the cast cuts, saturates, and makes zero of what is no number.
         let steps = if self.step > 0.0 {
-            libm::roundf(steps) as i32
+            (steps + f32::copysign(0.5, steps)) as i32
         } else {
             0
         };

@@ -19,6 +19,8 @@ pub enum SettingsError {
     Travel,
     /// The rows of a plan must lie in the table, and each displacement reach farther than the one before.
     Plans,
+    /// The change of the anchored observer must be zero where one state does not act on another, and its output `q_2`.
+    Structure,
     /// There must be at least one load.
     NoLoad,
 }
@@ -36,6 +38,9 @@ impl fmt::Display for SettingsError {
             Self::Travel => f.write_str("the lower end of the travel must lie below the upper one"),
             Self::Plans => f.write_str(
                 "the rows of a plan must lie in the table, and each reach farther than the one before",
+            ),
+            Self::Structure => f.write_str(
+                "observer.change must be zero where no state acts on another, and observer.output the second lag",
             ),
             Self::NoLoad => f.write_str("there must be at least one load"),
         }

@@ -22,7 +22,7 @@ use crate::excitation::Excitation;
 use crate::fault::{Fault, Reaction};
 use crate::friction::FrictionFeedForward;
 use crate::homing::Memory as Homing;
-use crate::limits::Limits;
+use crate::limits::Limiter;
 use crate::mode::Mode;
 use crate::moves::plans::Plans;
 use crate::moves::{self, Moves, Reference};
@@ -67,6 +67,17 @@ pub struct Command {
     pub limited: bool,
 }
 
+/// What a drive does with its machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Doing {
+    /// For who records its moves.
+    pub course: Course,
+    /// Whether it moves at a velocity, or is about to, until something else is asked: who asked is to be watched.
+    pub jogs: bool,
+    /// Whether it looks for zero, or is about to: who asked is to be watched.
+    pub homes: bool,
+}
+
 /// The control corridor of a drive with `N` load masses and the state observer `O`.
 #[derive(Clone, Debug)]
 #[repr(C)]
@@ -100,10 +111,12 @@ struct Parts<'p, const N: usize, O> {
     friction: FrictionFeedForward,
     standstill: Standstill<N>,
     regulator: Regulator<N>,
-    limits: Limits,
+    limiter: Limiter,
     direction_check: DirectionCheck,
     rest: Rest,
     sample_time: f32,
+    /// Of the control periods, `1 / T`, 1/s.
+    frequency: f32,
     /// `1 / k_f`, A/N.
     current_per_force: f32,
     /// By which the machine is carried.
@@ -240,48 +253,44 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
         self.activity.mode()
     }
 
-    /// What it does with the machine from the last period on, for who records its moves.
+    /// What it does with the machine from the last period on.
     #[must_use]
-    pub fn course(&self) -> Course {
-        match &self.activity {
-            // What waits for rest goes on.
-            Activity::Running(Running {
-                memory: Some(memory),
-                asked: None,
-                homing: None,
-                ..
-            }) if memory.moves.rests() => Course::Held(memory.target),
-            Activity::Running(Running {
-                memory: Some(_), ..
-            })
-            | Activity::Exciting(Exciting {
+    pub fn doing(&self) -> Doing {
+        let free = Doing {
+            course: Course::Free,
+            jogs: false,
+            homes: false,
+        };
+        let running = match &self.activity {
+            Activity::Running(running) => running,
+            Activity::Exciting(Exciting {
                 start: ExcitationStart::At(_),
                 ..
-            }) => Course::Moved,
-            _ => Course::Free,
-        }
-    }
-
-    /// Whether it moves at a velocity, or is about to, until something else is asked: who asked is to be watched.
-    #[must_use]
-    pub fn jogs(&self) -> bool {
-        let Activity::Running(running) = &self.activity else {
-            return false;
+            }) => {
+                let course = Course::Moved;
+                return Doing { course, ..free };
+            }
+            _ => return free,
         };
+        let (asked, homing) = (running.asked.as_ref(), running.homing.is_some());
+        let course = match &running.memory {
+            // What waits for rest goes on.
+            Some(memory) if asked.is_none() && !homing && memory.moves.rests() => {
+                Course::Held(memory.target)
+            }
+            Some(_) => Course::Moved,
+            None => Course::Free,
+        };
+        if running.stopping.is_some() {
+            return Doing { course, ..free };
+        }
         let memory = running.memory.as_ref();
         let under_way = memory.is_some_and(|memory| memory.moves.jogs());
-        let waits = matches!(running.asked, Some(Request::Jog(_)));
-        running.stopping.is_none() && running.homing.is_none() && (under_way || waits)
-    }
-
-    /// Whether it looks for zero, or is about to: who asked is to be watched.
-    #[must_use]
-    pub fn homes(&self) -> bool {
-        let Activity::Running(running) = &self.activity else {
-            return false;
-        };
-        let waits = matches!(running.asked, Some(Request::Home(_)));
-        running.stopping.is_none() && (running.homing.is_some() || waits)
+        Doing {
+            course,
+            jogs: !homing && (under_way || matches!(asked, Some(Request::Jog(_)))),
+            homes: homing || matches!(asked, Some(Request::Home(_))),
+        }
     }
 
     /// Record of the last period.
@@ -408,10 +417,11 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Parts<'p, N, O> {
             friction: *friction,
             standstill: *standstill,
             regulator: *regulator,
-            limits: *limits,
+            limiter: limits.limiter(),
             direction_check: DirectionCheck::new(limits, actuator, rest, period),
             rest,
             sample_time: period,
+            frequency: 1.0 / period,
             current_per_force: 1.0 / force_constant,
             holding_force: Force(*holding_force),
             actuator: (actuator.actual_mass(), force_constant),
@@ -429,7 +439,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             return self.observer.same(&copy.observer, part);
         }
         match part % 8 {
-            0 => (self.encoder, self.limits) == (copy.encoder, copy.limits),
+            0 => (self.encoder, self.limiter) == (copy.encoder, copy.limiter),
             1 => self.regulator == copy.regulator,
             2 => self.disturbance == copy.disturbance,
             3 => self.reaction_force == copy.reaction_force,
@@ -439,7 +449,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             }
             5 => self.direction_check == copy.direction_check,
             6 => {
-                (self.rest, self.sample_time) == (copy.rest, copy.sample_time)
+                (self.rest, self.sample_time, self.frequency)
+                    == (copy.rest, copy.sample_time, copy.frequency)
                     && (self.current_per_force, self.holding_force, self.actuator)
                         == (copy.current_per_force, copy.holding_force, copy.actuator)
             }
@@ -567,11 +578,11 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             current: differing,
             reaction_force,
         };
-        let difference = self.observer.step(&mut memory.observer, &seen);
-        memory.difference = difference;
-        let velocity = Velocity(reference.displacement / self.sample_time);
+        memory.difference = self.observer.step(&mut memory.observer, &seen);
+        let difference = &memory.difference;
+        let velocity = Velocity(reference.displacement * self.frequency);
         let expected = self.expected(&mut memory.expected, &reference, fed.moves);
-        let estimate = on_reference(&difference, &reference, velocity);
+        let estimate = on_reference(difference, &reference, velocity);
         let reaction_force = Force(reaction_force.0 + expected.0);
 
         let disturbance = Force(disturbance.force.0 + expected.0);
@@ -606,10 +617,10 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             }
             return self.stand(stopping.place, memory.target, estimate);
         }
-        let feedback = self.regulator.step(&difference);
+        let feedback = self.regulator.step(difference);
         let rule = self
             .standstill
-            .step(&mut memory.standstill, reference.rests, &difference);
+            .step(&mut memory.standstill, reference.rests, difference);
         let friction = self.friction.step(velocity).0 + rule.friction.0;
         memory.fed.friction = Current(friction * self.current_per_force);
         let wanted = Current(
@@ -618,7 +629,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
                 + feedback.0
                 + rule.compensation.0 * self.current_per_force,
         );
-        let command = within(&self.limits_of(running.homing.as_ref()), wanted)?;
+        let command = self.limited_in(running.homing.as_ref(), wanted)?;
         let cut = command.limited && !reference.rests;
         match &mut running.homing {
             Some(homing) if homing.pushes(command.current) => {
@@ -689,7 +700,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         reference: &Reference<N>,
         feed_forward: Current,
     ) -> Force {
-        let of_actuator = (self.actuator, self.sample_time);
+        let of_actuator = (self.actuator, self.frequency);
         memory.step(reference.displacement, feed_forward, of_actuator)
     }
 
@@ -745,23 +756,21 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
 
     /// The command that applies a current as far as the limits allow.
     fn limited(&self, current: Current) -> Outcome {
-        Ok(Some(within(&self.limits, current)?))
+        Ok(Some(within(&self.limiter, current)?))
     }
 
-    /// What limits the command.
-    fn limits_of(&self, homing: Option<&Homing>) -> Limits {
-        homing
-            .and_then(Homing::limit)
-            .map_or(self.limits, |current| Limits {
-                current_limit: current.0,
-                ..self.limits
-            })
+    /// The command of the closed loop; an approach to a stop has a limit of its own.
+    fn limited_in(&self, homing: Option<&Homing>, wanted: Current) -> Result<Command, Fault> {
+        match homing.and_then(Homing::limit) {
+            None => within(&self.limiter, wanted),
+            Some(Current(limit)) => within(&self.limiter.with_limit(limit), wanted),
+        }
     }
 }
 
 /// The command that applies a current as far as limits allow.
-fn within(limits: &Limits, current: Current) -> Result<Command, Fault> {
-    let limited = limits.step(current).ok_or(Fault::NonFinite)?;
+fn within(limiter: &Limiter, current: Current) -> Result<Command, Fault> {
+    let limited = limiter.step(current).ok_or(Fault::NonFinite)?;
     Ok(Command {
         current: limited.current,
         enable: true,

@@ -27,34 +27,92 @@ pub struct Limited {
 }
 
 impl Limits {
-    /// Clamps and rounds, halves away from zero; the result never exceeds the limit. `None`
-    /// when the command is not finite, or the limits are none.
+    /// What limits a command, with its quotients ready.
+    #[must_use]
+    pub fn limiter(&self) -> Limiter {
+        let (limit, resolution) = (self.current_limit, self.current_resolution);
+        // A few rounding errors wide, so that a limit of 2 A is 2000 steps of 1 mA.
+        let steps = libm::floorf(limit / resolution * (1.0 + 4.0 * f32::EPSILON));
+        // More steps than `f32` can tell apart are none, and so is what is no number.
+        let stepped = resolution > 0.0 && steps < MOST_STEPS;
+        Limiter {
+            limit,
+            resolution,
+            steps_per_ampere: if stepped { 1.0 / resolution } else { 0.0 },
+            steps: if stepped { steps as i32 } else { 0 },
+            // Their product may be a rounding beyond the limit.
+            largest: (steps * resolution).min(limit),
+        }
+    }
+
+    /// See [`Limiter::step`].
     #[must_use]
     pub fn step(&self, command: Current) -> Option<Limited> {
-        if !command.0.is_finite() {
-            return None;
-        }
-        let clamped = clamped(command.0, self.current_limit);
-        let current = if self.current_resolution > 0.0 {
-            // A few rounding errors wide, so that a limit of 2 A is 2000 steps of 1 mA.
-            let steps = self.current_limit / self.current_resolution * (1.0 + 4.0 * f32::EPSILON);
-            let largest = libm::floorf(steps);
-            let rounded = libm::roundf(clamped / self.current_resolution);
-            self::clamped(rounded, largest) * self.current_resolution
-        } else {
-            clamped
-        };
-        // Their product may be a rounding beyond the limit; what cannot be compared is not within it.
-        let current = self::clamped(current, self.current_limit);
-        (current.abs() <= self.current_limit).then_some(Limited {
-            current: Current(current),
-            limited: command.0.abs() > self.current_limit,
-        })
+        self.limiter().step(command)
     }
 
     pub(crate) fn check(&self) -> Result<(), SettingsError> {
         positive("limits.current_limit", self.current_limit)?;
         not_negative("limits.current_resolution", self.current_resolution)
+    }
+}
+
+/// Steps of the output that `f32` can count.
+const MOST_STEPS: f32 = 8_388_608.0;
+
+/// Limits the commands of a drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limiter {
+    limit: f32,
+    resolution: f32,
+    /// Zero for a continuous output.
+    steps_per_ampere: f32,
+    /// Whole steps within the limit, and what they are together, A.
+    steps: i32,
+    largest: f32,
+}
+
+impl Limiter {
+    /// The same with another limit, A.
+    pub(crate) fn with_limit(&self, current_limit: f32) -> Self {
+        let limits = Limits {
+            current_limit,
+            current_resolution: self.resolution,
+        };
+        limits.limiter()
+    }
+
+    /// Largest current, A.
+    pub(crate) fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    /// Clamps and rounds, halves away from zero; the result never exceeds the limit. `None`
+    /// when the command is not finite, or the limits are none.
+    #[inline]
+    #[must_use]
+    pub fn step(&self, command: Current) -> Option<Limited> {
+        let Current(command) = command;
+        if !command.is_finite() {
+            return None;
+        }
+        let steps = command * self.steps_per_ampere;
+        // The conversion cuts towards zero, and ends at the largest number there is.
+        let steps = (steps + f32::copysign(0.5, steps)) as i32;
+        let current = if self.steps_per_ampere == 0.0 {
+            clamped(command, self.limit)
+        } else if steps >= self.steps {
+            self.largest
+        } else if steps <= self.steps.wrapping_neg() {
+            -self.largest
+        } else {
+            steps as f32 * self.resolution
+        };
+        // What cannot be compared is not within the limit.
+        (current.abs() <= self.limit).then_some(Limited {
+            current: Current(current),
+            limited: command.abs() > self.limit,
+        })
     }
 }
 

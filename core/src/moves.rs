@@ -26,6 +26,7 @@ mod requests;
 pub use requests::Unreachable;
 
 use crate::units::{Current, Position};
+use heapless::Vec;
 use plans::{Plan, Plans};
 
 /// Where every mass ought to be in one period, and the current that takes it there.
@@ -69,6 +70,8 @@ const PARTS: i64 = 256;
 pub struct Moves<'p> {
     plans: Plans<'p>,
     sample_time: f32,
+    /// Of the control periods, 1/s.
+    frequency: f32,
     /// m per count.
     resolution: f32,
 }
@@ -92,9 +95,9 @@ enum What {
 }
 
 /// What is under way; the default rests at the target.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Memory<const N: usize> {
-    segments: [Option<Segment>; SEGMENTS],
+    segments: Vec<Segment, SEGMENTS>,
     /// How the target moves: 256ths of a count per period, and how far it is beyond the whole count.
     pace: i64,
     beyond: i64,
@@ -106,7 +109,7 @@ pub struct Memory<const N: usize> {
 impl<const N: usize> Default for Memory<N> {
     fn default() -> Self {
         Self {
-            segments: [None; SEGMENTS],
+            segments: Vec::new(),
             pace: 0,
             beyond: 0,
             before: (0.0, [0.0; N]),
@@ -117,7 +120,7 @@ impl<const N: usize> Default for Memory<N> {
 impl<const N: usize> Memory<N> {
     /// Whether nothing is under way.
     pub(crate) fn rests(&self) -> bool {
-        self.pace == 0 && self.beyond == 0 && self.segments.iter().all(Option::is_none)
+        self.pace == 0 && self.beyond == 0 && self.segments.is_empty()
     }
 
     /// Whether the target moves.
@@ -126,19 +129,18 @@ impl<const N: usize> Memory<N> {
     }
 
     fn add(&mut self, segment: Segment) {
-        if let Some(free) = self.segments.iter_mut().find(|free| free.is_none()) {
-            *free = Some(segment);
-        }
+        // Whoever adds has seen that there is room.
+        let _ = self.segments.push(segment);
     }
 
     fn free(&self) -> usize {
-        self.segments.iter().filter(|free| free.is_none()).count()
+        SEGMENTS - self.segments.len()
     }
 
     /// The change of velocity that waits: its scale and the periods until it begins.
     fn waiting(&self) -> Option<(f32, f32)> {
         let mut sum = (0.0, 0.0);
-        for segment in self.segments.iter().flatten().filter(|s| s.waits()) {
+        for segment in self.segments.iter().filter(|s| s.waits()) {
             sum.0 += segment.scale;
             sum.1 += segment.scale * -(segment.tick as f32);
         }
@@ -159,6 +161,7 @@ impl<'p> Moves<'p> {
         Self {
             plans,
             sample_time,
+            frequency: 1.0 / sample_time,
             resolution,
         }
     }
@@ -177,7 +180,8 @@ impl<'p> Moves<'p> {
     /// Whether these are as in their copy.
     pub(crate) fn same(&self, copy: &Self) -> bool {
         self.plans.same(&copy.plans)
-            && (self.sample_time, self.resolution) == (copy.sample_time, copy.resolution)
+            && (self.sample_time, self.frequency, self.resolution)
+                == (copy.sample_time, copy.frequency, copy.resolution)
     }
 
     /// The reference of this period; the next call gives that of the next.
@@ -191,19 +195,16 @@ impl<'p> Moves<'p> {
             rests: false,
             ..Reference::default()
         };
-        for place in &mut memory.segments {
-            let Some(segment) = place else { continue };
+        memory.segments.retain_mut(|segment| {
             let plan = self.plan(segment.what);
             self.add(&mut sum, plan, segment);
             segment.tick = segment.tick.saturating_add(1);
-            if segment.tick > self.ticks(plan) {
-                *place = None;
-            }
-        }
+            segment.tick <= self.ticks(plan)
+        });
         sum.displacement = sum.position.0 - before;
         for (load, velocity) in sum.load_velocity.iter_mut().enumerate() {
             let deflected = sum.deflection[load] - deflection_before[load];
-            *velocity = (sum.displacement + deflected) / self.sample_time;
+            *velocity = (sum.displacement + deflected) * self.frequency;
         }
         memory.before = (sum.position.0, sum.deflection);
         sum

@@ -9,11 +9,11 @@ use crate::keeping::{Due, Keeping, Objection};
 use crate::log::Log;
 use crate::settings::{LOADS, Observer, Set, period_us, require_fit};
 use crate::switches::Switches;
-use arso_core::controller::Change;
+use arso_core::controller::{Change, Doing};
 use arso_core::link::image::HEADER;
 use arso_core::link::message::BYTES;
 use arso_core::link::server::{Numbered, Seen, Server, Task};
-use arso_core::record::{self, Course, Recorder, Scale};
+use arso_core::record::{self, Recorder, Scale};
 use arso_core::request::Reason;
 use arso_core::{
     Controller, Counts, Current, Fault, Measurement, Mode, Refusal, Request, SettingsError,
@@ -51,10 +51,9 @@ type Settings = Change<'static, LOADS, Observer>;
 /// What a control period was.
 struct Period {
     record: Telemetry<[f32; LOADS]>,
-    /// What was done with the machine, whether it jogs, and whether it homes.
-    course: Course,
-    jogs: bool,
-    homes: bool,
+    /// Processor cycles of the interrupt.
+    cycles: u32,
+    doing: Doing,
     /// Whether the run switch was closed.
     run_switch: bool,
 }
@@ -246,21 +245,20 @@ impl<B: Board> Control<B> {
         let command = self.controller.step(measurement);
         self.applied = self.output.apply(&command);
 
-        let mut record = *self.controller.telemetry();
-        let course = self.controller.course();
+        let record = self.controller.telemetry();
+        let doing = self.controller.doing();
         self.recorder.step(
             record.period,
             Counts(record.count),
             Current(record.applied_current),
-            course,
+            doing.course,
         );
-        record.cycles = self.cycles.now().wrapping_sub(start);
+        let cycles = self.cycles.now().wrapping_sub(start);
         // A full queue loses the record; its number is missing in the log, which counts that.
         let _ = self.periods.enqueue(Period {
-            record,
-            course,
-            jogs: self.controller.jogs(),
-            homes: self.controller.homes(),
+            record: *record,
+            cycles,
+            doing,
             run_switch: run,
         });
     }
@@ -293,12 +291,12 @@ impl<B: Board> Idle<B> {
                 continue;
             };
             let Period {
-                record,
-                course,
-                jogs,
-                homes,
+                mut record,
+                cycles,
+                doing,
                 run_switch,
             } = period;
+            record.cycles = cycles;
             self.watchdog.feed();
             self.mode = record.mode;
             self.log.record(&record);
@@ -315,9 +313,7 @@ impl<B: Board> Idle<B> {
                 Due::Restart => B::restart(),
             }
             let seen = Seen {
-                course,
-                jogs,
-                homes,
+                doing,
                 run_switch,
                 vibration: self.log.vibration(),
             };

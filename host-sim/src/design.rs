@@ -237,7 +237,8 @@ impl Design {
         let rows = std::array::from_fn(|i| {
             std::array::from_fn(|j| {
                 let value = observer.transition.get((i, j));
-                value.map_or(f32::NAN, |value| *value as f32)
+                let unmoved = f64::from(u8::from(i == j));
+                value.map_or(f32::NAN, |value| (*value - unmoved) as f32)
             })
         });
         LinearObserver::new(

@@ -241,9 +241,9 @@ impl Expected {
         &mut self,
         displacement: f32,
         feed_forward: Current,
-        ((mass, force_constant), sample_time): ((f32, f32), f32),
+        ((mass, force_constant), frequency): ((f32, f32), f32),
     ) -> Force {
-        let acceleration = (displacement - self.displacement) / (sample_time * sample_time);
+        let acceleration = (displacement - self.displacement) * frequency * frequency;
         let current = 0.5 * (feed_forward.0 + self.feed_forward);
         self.displacement = displacement;
         self.feed_forward = feed_forward.0;

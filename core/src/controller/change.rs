@@ -94,7 +94,7 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
             return Err(Reason::Moving);
         }
         let [before, after] = [own, parts].map(|p| p.regulator.step(&memory.difference).0);
-        let limit = own.limits.current_limit.min(parts.limits.current_limit);
+        let limit = own.limiter.limit().min(parts.limiter.limit());
         let command = self.telemetry.command;
         // A value that is no number is no small one.
         let small = (after - before).abs() <= LEAP * limit && command.abs() <= limit;

@@ -44,7 +44,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
                 let taken = (friction + self.holding_force.0.abs()) * self.current_per_force;
                 let taken = taken.max(held.0.abs());
                 // Written so that what is no number is none of them.
-                if !(PUSHED * current.0 > taken && current.0 < self.limits.current_limit) {
+                if !(PUSHED * current.0 > taken && current.0 < self.limiter.limit()) {
                     return Err(Reason::Current);
                 }
                 let back_off = homing.back_off as f32 * self.encoder.resolution;

@@ -8,6 +8,7 @@ use super::*;
 use crate::actuator::Actuator;
 use crate::amplifier::Amplifier;
 use crate::friction::FrictionFeedForward;
+use crate::limits::Limits;
 use crate::moves::plans::Plans;
 use crate::observer::{Anchored, LinearObserver};
 use crate::protection::{ModelError, ProtectionLimits};
@@ -17,6 +18,15 @@ use proptest::prelude::*;
 use std::vec::Vec;
 
 type Drive = Controller<'static, 1, Anchored<1, 5>>;
+
+/// Change over a period after which nothing of the state is left.
+const FORGETS: [[f32; 5]; 5] = [
+    [-1.0, 0.0, 0.0, 0.0, 0.0],
+    [0.0, -1.0, 0.0, 0.0, 0.0],
+    [0.0, 0.0, -1.0, 0.0, 0.0],
+    [0.0, 0.0, 0.0, -1.0, 0.0],
+    [0.0, 0.0, 0.0, 0.0, -1.0],
+];
 
 /// One load that follows the actuator rigidly, no correction: PD control on the encoder.
 pub(crate) fn settings() -> Settings<1, Anchored<1, 5>> {
@@ -40,7 +50,7 @@ pub(crate) fn settings() -> Settings<1, Anchored<1, 5>> {
         disturbance_cutoff: 628.0,
         reaction_force_cutoff: 628.0,
         observer: Anchored::new(LinearObserver::new(
-            [[0.0; 5]; 5],
+            FORGETS,
             [0.0, 1.0, 0.0, 0.0, 0.0],
             [0.0, 0.0, 0.0, 1.0, 0.0],
             [0.0; 5],
@@ -222,25 +232,25 @@ fn starting_holds_the_position_and_a_step_commands_the_gain() {
 fn the_course_is_what_is_asked() {
     let mut controller = new();
     commission(&mut controller);
-    assert_eq!(controller.course(), Course::Free);
+    assert_eq!(controller.doing().course, Course::Free);
     controller.request(Request::Start).unwrap();
     controller.step(measured(0, 0.0));
-    let Course::Held(here) = controller.course() else {
-        panic!("{:?}", controller.course());
+    let Course::Held(here) = controller.doing().course else {
+        panic!("{:?}", controller.doing().course);
     };
     controller.request(Request::Move(here)).unwrap();
     controller.step(measured(0, 0.0));
-    assert_eq!(controller.course(), Course::Held(here));
+    assert_eq!(controller.doing().course, Course::Held(here));
     let there = Place(here.0 + 1000);
     controller.request(Request::Step(there)).unwrap();
     controller.step(measured(0, 0.0));
-    assert_eq!(controller.course(), Course::Held(there));
+    assert_eq!(controller.doing().course, Course::Held(there));
     controller.request(Request::Move(here)).unwrap();
     controller.step(measured(0, 0.0));
-    assert_eq!(controller.course(), Course::Moved);
+    assert_eq!(controller.doing().course, Course::Moved);
     controller.request(Request::Stop).unwrap();
     controller.step(measured(0, 0.0));
-    assert_eq!(controller.course(), Course::Free);
+    assert_eq!(controller.doing().course, Course::Free);
 }
 
 #[test]
@@ -285,7 +295,7 @@ fn what_no_move_leads_to_is_refused_and_changes_nothing() {
             controller.step(measured(0, 0.0));
         }
         assert_eq!(controller.mode(), Mode::Running);
-        assert_eq!(controller.course(), Course::Held(Place(0)));
+        assert_eq!(controller.doing().course, Course::Held(Place(0)));
     }
 }
 
@@ -304,10 +314,10 @@ fn a_move_by_counts_goes_on_from_the_last_target() {
         }
     };
     follow(&mut controller, 400);
-    assert_eq!(controller.course(), Course::Held(Place(16_000)));
+    assert_eq!(controller.doing().course, Course::Held(Place(16_000)));
     controller.request(Request::MoveBy(-16_000)).unwrap();
     follow(&mut controller, 400);
-    assert_eq!(controller.course(), Course::Held(Place(0)));
+    assert_eq!(controller.doing().course, Course::Held(Place(0)));
 }
 
 #[test]
@@ -524,13 +534,11 @@ fn settings_that_cannot_be_run_are_refused() {
     );
     assert_eq!(
         refused(|s| {
-            let mut transition = [[0.0; 5]; 5];
-            transition[2][3] = f32::NAN;
-            s.observer = Anchored::new(LinearObserver::new(
-                transition, [0.0; 5], [0.0; 5], [0.0; 5],
-            ));
+            let mut change = [[0.0; 5]; 5];
+            change[2][3] = f32::NAN;
+            s.observer = Anchored::new(LinearObserver::new(change, [0.0; 5], [0.0; 5], [0.0; 5]));
         }),
-        Some(SettingsError::NotFinite("observer.transition"))
+        Some(SettingsError::NotFinite("observer.change"))
     );
     assert_eq!(
         refused(|s| s.regulator.loads[0].velocity = f32::INFINITY),
@@ -915,16 +923,16 @@ fn a_holding_force_carries_the_machine() {
     let mut settings = settings();
     settings.holding_force = 1.0;
     // A disturbance state that stays, behind both lags.
-    let mut transition = [[0.0; 5]; 5];
-    for row in &mut transition[2..] {
-        row[4] = 1.0;
+    let mut change = FORGETS;
+    for row in &mut change[2..] {
+        row[4] += 1.0;
     }
     let [none, input, output] = [
         [0.0; 5],
         [0.0, 1.0, 0.0, 0.0, 0.0],
         [0.0, 0.0, 0.0, 1.0, 0.0],
     ];
-    settings.observer = Anchored::new(LinearObserver::new(transition, input, output, none));
+    settings.observer = Anchored::new(LinearObserver::new(change, input, output, none));
     let mut controller = drive(&settings);
     controller.request(Request::Commission).unwrap();
     let commands = closed_loop(&mut controller, 0, -1.0, 1500);
@@ -976,17 +984,24 @@ fn changed_settings_are_found() {
         },
         &|parts| {
             parts.direction_check =
-                DirectionCheck::new(&parts.limits, &settings().actuator, parts.rest, 2e-3);
+                DirectionCheck::new(&settings().limits, &settings().actuator, parts.rest, 2e-3);
         },
         &|parts| parts.regulator.actuator.position += 1.0,
-        &|parts| parts.limits.current_limit = 20.0,
+        &|parts| parts.limiter = parts.limiter.with_limit(20.0),
         &|parts| parts.sample_time = 0.0,
         &|parts| parts.holding_force.0 = -1.0,
         &|parts| parts.encoder.resolution *= 2.0,
         &|parts| parts.moves = Moves::new(PLANS, 1.0, 1e-6),
         &|parts| parts.friction.coulomb = 1.0,
         &|parts| parts.standstill.tolerance = 1.0,
-        &|parts| parts.rest = Rest::new(&parts.encoder, &settings().actuator, &parts.limits, 1.0),
+        &|parts| {
+            parts.rest = Rest::new(
+                &parts.encoder,
+                &settings().actuator,
+                &settings().limits,
+                1.0,
+            )
+        },
         &|parts| {
             parts.disturbance = DisturbanceObserver::new(&settings().actuator, 300.0, 1e-3);
         },
@@ -1019,7 +1034,7 @@ proptest! {
         let mut linear = LinearObserver::new([[0.5; 5]; 5], [0.1; 5], [0.2; 5], [0.3; 5]);
         let before = Anchored::<1, 5>::new(linear.clone());
         let number = match which {
-            0 => &mut linear.transition[(row, column)],
+            0 => &mut linear.change[(row, column)],
             1 => &mut linear.input[row],
             2 => &mut linear.output[row],
             _ => &mut linear.correction[row],
@@ -1059,7 +1074,7 @@ fn a_gain_is_changed_without_a_leap() {
     let mut controller = running();
     let count = controller.telemetry().count;
     let before = hold(&mut controller, count, 50);
-    assert!(matches!(controller.course(), Course::Held(_)));
+    assert!(matches!(controller.doing().course, Course::Held(_)));
     let stiffer = other(|settings| settings.regulator.actuator.position = 60.0);
     controller.change(&stiffer).unwrap();
     assert_eq!(hold(&mut controller, count, 1), before);

@@ -20,6 +20,7 @@ use super::message::{
     Answer, Answered, Ask, Asked, BYTES, FAULTS, HELLO, Introduction, PastFault, Piece, Source,
     Status, TAG, WORDING, WORDS,
 };
+use crate::controller::Doing;
 use crate::mode::Mode;
 use crate::record::Course;
 use crate::request::{Refusal, Request};
@@ -38,11 +39,7 @@ pub const WAITING: usize = 512;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// What is done with the machine.
-    pub course: Course,
-    /// Whether it jogs, or is about to.
-    pub jogs: bool,
-    /// Whether it looks for its zero, or is about to.
-    pub homes: bool,
+    pub doing: Doing,
     /// Whether the run switch is closed.
     pub run_switch: bool,
     /// Vibration of the load, rms, m.
@@ -284,7 +281,7 @@ impl<const N: usize> Server<N> {
         } else {
             record.period.wrapping_sub(expected)
         };
-        let held = match seen.course {
+        let held = match seen.doing.course {
             Course::Held(place) if record.mode == Mode::Running => Some(place),
             _ => None,
         };
@@ -294,8 +291,8 @@ impl<const N: usize> Server<N> {
             fault_value: record.fault_value,
             run_switch: seen.run_switch,
             position_set: record.position_set,
-            jogging: seen.jogs,
-            homing: seen.homes,
+            jogging: seen.doing.jogs,
+            homing: seen.doing.homes,
             held,
             position: record.position,
             reference: record.reference,
@@ -315,7 +312,7 @@ impl<const N: usize> Server<N> {
         self.stream(record);
         self.silent = self.silent.saturating_add(1);
         // Until it does not.
-        ((seen.jogs || seen.homes) && self.silent >= self.patience).then_some(HALT)
+        ((seen.doing.jogs || seen.doing.homes) && self.silent >= self.patience).then_some(HALT)
     }
 
     /// A fault that is new is kept; the oldest makes room.
@@ -477,9 +474,11 @@ mod tests {
             ..Telemetry::default()
         };
         let seen = Seen {
-            course: Course::Moved,
-            jogs: false,
-            homes: true,
+            doing: Doing {
+                course: Course::Moved,
+                jogs: false,
+                homes: true,
+            },
             run_switch: true,
             vibration: 0.5,
         };
@@ -500,9 +499,11 @@ mod tests {
             ..Telemetry::default()
         };
         let seen = Seen {
-            course,
-            jogs,
-            homes: false,
+            doing: Doing {
+                course,
+                jogs,
+                homes: false,
+            },
             run_switch: true,
             vibration: 0.5,
         };

@@ -280,11 +280,7 @@ impl Moves<'_> {
     /// The change of velocity that waits, if any, is made anew, so many periods from now; two segments share
     /// it, so that parts of a period count.
     fn put_off<const N: usize>(memory: &mut Memory<N>, scale: f32, delay: f32) {
-        for place in &mut memory.segments {
-            if place.is_some_and(|segment| segment.waits()) {
-                *place = None;
-            }
-        }
+        memory.segments.retain(|segment| !segment.waits());
         let whole = libm::floorf(delay);
         let part = delay - whole;
         let tick = -(whole as i32);
@@ -346,7 +342,7 @@ impl Moves<'_> {
         let reach = self.plans.change.reach;
         let cruise = self.velocity(memory.pace).abs() / reach;
         let (mut displacements, mut changes) = (0.0, [0.0, 0.0]);
-        for segment in memory.segments.iter().flatten() {
+        for segment in memory.segments.iter() {
             let share = segment.scale.abs() / self.plan(segment.what).reach;
             match segment.what {
                 What::Displacement(_) => displacements += share,
@@ -358,14 +354,14 @@ impl Moves<'_> {
 
     /// Periods until all has ended.
     fn remaining<const N: usize>(&self, memory: &Memory<N>) -> i32 {
-        let segments = memory.segments.iter().flatten();
+        let segments = memory.segments.iter();
         let remaining = segments.map(|s| self.ticks(self.plan(s.what)).saturating_sub(s.tick));
         remaining.max().unwrap_or(0)
     }
 
     /// Periods until what is being played has ended, and a change of velocity may begin.
     fn soonest<const N: usize>(&self, memory: &Memory<N>) -> f32 {
-        let played = memory.segments.iter().flatten().filter(|s| s.tick >= 0);
+        let played = memory.segments.iter().filter(|s| s.tick >= 0);
         let remaining = played.map(|s| self.ticks(self.plan(s.what)).saturating_sub(s.tick));
         remaining.max().unwrap_or(0) as f32
     }

@@ -71,12 +71,8 @@ mod tests {
     /// The correction is the gain times what the output lacks.
     #[test]
     fn correction_uses_the_predicted_output() {
-        let mut transition = [[0.0; 4]; 4];
-        for (i, row) in transition.iter_mut().enumerate() {
-            row[i] = 1.0;
-        }
         let observer = Reaction::<1, 4>::new(LinearObserver::new(
-            transition,
+            [[0.0; 4]; 4],
             [0.0; 4],
             [2.0, 0.0, -2.0, 0.0],
             [0.1, 0.2, 0.3, 0.4],

@@ -26,7 +26,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
     plans: &PlanTable,
 ) -> String {
     let LinearObserver {
-        transition,
+        change,
         input,
         output,
         correction,
@@ -95,7 +95,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
          {I}disturbance_cutoff: {:?}, // rad/s\n\
          {I}reaction_force_cutoff: {:?}, // rad/s\n\
          {I}observer: {name}::new(LinearObserver::new(\n\
-         {I}{I}[ // transition\n",
+         {I}{I}[ // change over a period: transition less 1\n",
         settings.sample_time,
         encoder.resolution,
         encoder.counter_bits,
@@ -107,7 +107,7 @@ pub fn gains_file<const N: usize, const S: usize, O: StateObserver<N>>(
         settings.disturbance_cutoff,
         settings.reaction_force_cutoff,
     );
-    for row in transition.row_iter() {
+    for row in change.row_iter() {
         let row: Vec<f32> = row.iter().copied().collect();
         let _ = writeln!(text, "{I}{I}{I}{row:?},");
     }

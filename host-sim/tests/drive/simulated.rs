@@ -284,16 +284,14 @@ impl Board {
             home: self.plant.state()[0] < EDGE,
         });
         let record = *self.controller.telemetry();
-        let course = self.controller.course();
+        let doing = self.controller.doing();
         self.recorder
-            .step(record.period, count, self.applied, course);
+            .step(record.period, count, self.applied, doing.course);
         if let Some((asked, taken)) = outcome {
             self.server.outcome(asked, taken);
         }
         let seen = Seen {
-            course,
-            jogs: self.controller.jogs(),
-            homes: self.controller.homes(),
+            doing,
             run_switch: true,
             vibration: 0.0,
         };

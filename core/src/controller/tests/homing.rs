@@ -116,7 +116,7 @@ impl Machine {
             if running.is_some_and(|homing| homing.found().is_none()) {
                 largest = self.most.0;
             }
-            if !self.controller.homes() {
+            if !self.controller.doing().homes {
                 return largest;
             }
         }
@@ -142,7 +142,7 @@ fn a_stop_is_found_and_named() {
             ..STOP
         };
         machine.ask(Request::Home(homing)).unwrap();
-        assert!(machine.controller.homes() && !machine.controller.jogs());
+        assert!(machine.controller.doing().homes && !machine.controller.doing().jogs);
         let largest = machine.homed();
         assert!(largest <= CURRENT, "{largest}");
         assert_eq!(machine.controller.mode(), Mode::Running);
@@ -151,7 +151,7 @@ fn a_stop_is_found_and_named() {
         let named = machine.controller.encoder.place().0 - machine.counts();
         assert_eq!(named, 200 - (WALL / 1e-6) as i64);
         let rests = Place(200 + i64::from(back_off));
-        assert_eq!(machine.controller.course(), Course::Held(rests));
+        assert_eq!(machine.controller.doing().course, Course::Held(rests));
         assert!(machine.velocity.abs() < 1e-3);
         assert!((machine.position - WALL - f64::from(back_off) * 1e-6).abs() < 50e-6);
         // It goes on as any.
@@ -173,7 +173,7 @@ fn the_edge_is_latched_in_its_period() {
         assert!((edge - EDGE).abs() <= 60, "{edge}");
         assert_eq!(named, 200 - edge);
         let rests = Place(200 + i64::from(back_off));
-        assert_eq!(machine.controller.course(), Course::Held(rests));
+        assert_eq!(machine.controller.doing().course, Course::Held(rests));
         assert!(machine.set());
     }
 }
@@ -305,7 +305,7 @@ fn what_cannot_find_a_place_is_refused() {
             Err(reason),
             "{homing:?}"
         );
-        assert!(!machine.controller.homes());
+        assert!(!machine.controller.doing().homes);
     }
     let mut machine = Machine::new(|_| ());
     machine.ask(Request::Move(Place(-4000))).unwrap();
@@ -404,7 +404,7 @@ fn a_halt_ends_it_and_changes_nothing() {
         let named = machine.controller.encoder.place().0 - machine.counts();
         machine.ask(Request::Home(STOP)).unwrap();
         machine.periods(after);
-        assert!(machine.controller.homes(), "{after}");
+        assert!(machine.controller.doing().homes, "{after}");
         machine.ask(Request::Halt).unwrap();
         machine.homed();
         assert_eq!(machine.controller.mode(), Mode::Running, "{after}");
@@ -414,7 +414,7 @@ fn a_halt_ends_it_and_changes_nothing() {
             named
         );
         assert!(machine.velocity.abs() < 1e-3);
-        assert!(matches!(machine.controller.course(), Course::Held(_)));
+        assert!(matches!(machine.controller.doing().course, Course::Held(_)));
         machine.ask(Request::Stop).unwrap();
     }
 }

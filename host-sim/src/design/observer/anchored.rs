@@ -27,6 +27,11 @@ impl Variant for Anchored {
         let (a, b) = model(drive, chain);
         let n = b.len();
         let (mut transition, input) = zero_order_hold(&a, &b, sample_time);
+        // What does not act on a state does not in a period, but by rounding: the core leaves it out.
+        let lags = n - 3;
+        transition.view_mut((0, lags), (lags, 3)).fill(0.0);
+        transition.view_mut((n - 1, 0), (1, n - 1)).fill(0.0);
+        transition[(lags, n - 2)] = 0.0;
         let mut output = RowDVector::zeros(n);
         output[n - 2] = 1.0;
         // The states that are estimated: the disturbance is the last.
