@@ -8,7 +8,7 @@
 //! is zero is unknown until the position has been set.
 
 use crate::check::{SettingsError, positive};
-use crate::units::{Counts, Place, Position};
+use crate::units::{Counts, Place, Position, whole};
 use serde::{Deserialize, Serialize};
 
 /// The encoder.
@@ -96,9 +96,7 @@ impl Encoder {
     /// Distance from one place to another.
     #[must_use]
     pub fn distance(&self, from: Place, to: Place) -> Position {
-        let counts = to.counts_from(from);
-        let counts = i32::try_from(counts).map_or_else(|_| far(counts), |near| near as f32);
-        Position(counts * self.resolution)
+        Position(whole(to.counts_from(from)) * self.resolution)
     }
 
     /// Position from zero; `f32`, and so to 1 part in 2²⁴ of that distance.
@@ -119,13 +117,6 @@ impl Encoder {
         let unused = 32_u32.wrapping_sub(self.counter_bits);
         (number.wrapping_shl(unused) as i32).wrapping_shr(unused)
     }
-}
-
-/// The processor converts 32 bits itself; 64 are a subroutine, kept out of the way of the usual case.
-#[cold]
-#[inline(never)]
-fn far(counts: i64) -> f32 {
-    counts as f32
 }
 
 #[cfg(test)]

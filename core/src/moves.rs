@@ -25,7 +25,7 @@ mod requests;
 
 pub use requests::Unreachable;
 
-use crate::units::{Current, Position};
+use crate::units::{Current, Position, whole};
 use heapless::Vec;
 use plans::{Plan, Plans};
 
@@ -191,7 +191,7 @@ impl<'p> Moves<'p> {
             return Reference::default();
         }
         let mut sum = Reference {
-            position: Position(memory.beyond as f32 * self.part()),
+            position: Position(whole(memory.beyond) * self.part()),
             rests: false,
             ..Reference::default()
         };
@@ -227,7 +227,7 @@ impl<'p> Moves<'p> {
 
     /// Parts of a count per period as m/s.
     fn velocity(&self, pace: i64) -> f32 {
-        pace as f32 * self.part() / self.sample_time
+        whole(pace) * self.part() / self.sample_time
     }
 
     fn plan(&self, what: What) -> &Plan {

@@ -25,6 +25,18 @@ impl Place {
     }
 }
 
+/// A whole number of counts; the processor converts 32 bits by itself, and these are mostly within them.
+#[inline]
+pub(crate) fn whole(counts: i64) -> f32 {
+    i32::try_from(counts).map_or_else(|_| far(counts), |near| near as f32)
+}
+
+#[cold]
+#[inline(never)]
+fn far(counts: i64) -> f32 {
+    counts as f32
+}
+
 /// Position relative to a [`Place`] that is said where it stands, m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -51,8 +51,6 @@ type Settings = Change<'static, LOADS, Observer>;
 /// What a control period was.
 struct Period {
     record: Telemetry<[f32; LOADS]>,
-    /// Processor cycles of the interrupt.
-    cycles: u32,
     doing: Doing,
     /// Whether the run switch was closed.
     run_switch: bool,
@@ -256,8 +254,7 @@ impl<B: Board> Control<B> {
         let cycles = self.cycles.now().wrapping_sub(start);
         // A full queue loses the record; its number is missing in the log, which counts that.
         let _ = self.periods.enqueue(Period {
-            record: *record,
-            cycles,
+            record: Telemetry { cycles, ..*record },
             doing,
             run_switch: run,
         });
@@ -291,12 +288,10 @@ impl<B: Board> Idle<B> {
                 continue;
             };
             let Period {
-                mut record,
-                cycles,
+                record,
                 doing,
                 run_switch,
             } = period;
-            record.cycles = cycles;
             self.watchdog.feed();
             self.mode = record.mode;
             self.log.record(&record);

@@ -3,7 +3,7 @@
 use super::{Memory, Moves, PARTS, SEGMENTS, Segment, What};
 use crate::limits::clamped;
 use crate::request::Request;
-use crate::units::{Place, Travel, Velocity};
+use crate::units::{Place, Travel, Velocity, whole};
 
 /// What became of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,14 +73,14 @@ impl Moves<'_> {
             *asked = None;
         }
         let moved = on(target, shift);
-        memory.before.0 -= moved.counts_from(before) as f32 * self.resolution;
+        memory.before.0 -= whole(moved.counts_from(before)) * self.resolution;
         Ok(moved)
     }
 
     /// Whether a move leads from one place to another, with as much to spare as it may have to wait.
     #[must_use]
     pub fn lead(&self, from: Place, to: Place) -> bool {
-        let distance = to.counts_from(from) as f32 * self.resolution;
+        let distance = whole(to.counts_from(from)) * self.resolution;
         let periods = distance.abs() / (self.plans.change.reach * self.sample_time);
         periods < LONGEST / 2.0
     }
@@ -99,10 +99,10 @@ impl Moves<'_> {
             shift: 0,
             done: false,
         };
-        let distance = counts as f32 * self.resolution;
+        let distance = whole(counts) * self.resolution;
         let soonest = self.soonest(memory);
         if memory.pace != 0 {
-            let beyond = memory.beyond as f32 * self.part();
+            let beyond = whole(memory.beyond) * self.part();
             let velocity = self.velocity(memory.pace);
             let delay = (distance - beyond) / (velocity * self.sample_time) - self.ahead();
             if self.worthwhile(velocity, delay, soonest) {
@@ -148,7 +148,7 @@ impl Moves<'_> {
         from: Place,
         to: Place,
     ) -> Result<Place, Unreachable> {
-        let distance = to.counts_from(from) as f32 * self.resolution;
+        let distance = whole(to.counts_from(from)) * self.resolution;
         let (segments, _) = self.cruise(distance, distance.abs()).ok_or(Unreachable)?;
         for segment in segments.into_iter().flatten() {
             memory.add(segment);
@@ -163,7 +163,7 @@ impl Moves<'_> {
         memory: &mut Memory<N>,
         counts: i64,
     ) -> Result<Answer, Unreachable> {
-        let distance = counts as f32 * self.resolution;
+        let distance = whole(counts) * self.resolution;
         let (_, after_rest) = self.shortest(distance, 1.0).ok_or(Unreachable)?;
         let latest = self.remaining(memory).saturating_add(after_rest);
         match self.shortest(distance, 1.0 - self.used(memory)) {
@@ -235,9 +235,9 @@ impl Moves<'_> {
         let soonest = self.soonest(memory);
         if memory.pace != 0 {
             let shift = self.stop(memory);
-            let beyond = memory.beyond as f32 * self.part();
+            let beyond = whole(memory.beyond) * self.part();
             let velocity = self.velocity(memory.pace);
-            let distance = shift as f32 * self.resolution - beyond;
+            let distance = whole(shift) * self.resolution - beyond;
             let delay = distance / (velocity * self.sample_time) - self.ahead();
             self.end_jog(memory, if delay > soonest { delay } else { soonest });
             return done(shift);
@@ -260,7 +260,7 @@ impl Moves<'_> {
             return 0;
         }
         let periods = self.soonest(memory) + self.ahead();
-        let parts = memory.pace as f32 * periods + memory.beyond as f32;
+        let parts = whole(memory.pace) * periods + whole(memory.beyond);
         let counts = parts / PARTS as f32;
         (if memory.pace > 0 {
             libm::ceilf(counts)

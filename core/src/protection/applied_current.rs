@@ -20,9 +20,12 @@ impl AppliedCurrent {
     }
 
     pub(super) fn step(self, applied: Current) -> Result<(), Trip> {
-        if !applied.0.is_finite() {
-            return Err(Fault::NonFinite.into());
-        }
-        beyond(Fault::AppliedCurrent, applied.0, self.largest)
+        beyond(Fault::AppliedCurrent, applied.0, self.largest).map_err(|trip| {
+            if applied.0.is_finite() {
+                trip
+            } else {
+                Fault::NonFinite.into()
+            }
+        })
     }
 }
