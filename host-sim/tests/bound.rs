@@ -1,8 +1,6 @@
 //! `host-sim bound`, and the bound beside the settling times of `simulate` and `compare`.
 
-mod common;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use serde_json::Value;
 use std::fs;
 

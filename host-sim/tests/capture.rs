@@ -1,10 +1,8 @@
 //! `host-sim capture` as the user runs it: what the drive says of itself is believed, and nothing that came is
 //! lost.
 
-mod common;
-
+use crate::common::{host_sim, ran};
 use arso_core::{Identity, Mode, Telemetry};
-use common::{host_sim, ran};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::Serialize;
 use std::fs;

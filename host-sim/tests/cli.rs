@@ -1,9 +1,7 @@
 //! The program as the user runs it: exit codes, messages, files.
 
-mod common;
-
+use crate::common::{host_sim, ran};
 use arso_core::{Fault, Mode, Telemetry};
-use common::{host_sim, ran};
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,9 +1,7 @@
 //! The command line as a whole: one way to name a drive, options that every command takes, what a shell and an
 //! editor need, and plots of a size that can be opened.
 
-mod common;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use std::fs;
 use std::path::Path;
 

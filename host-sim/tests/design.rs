@@ -1,9 +1,7 @@
 //! `host-sim design` and what follows from it, as the user asks for it: kinds of drive, ways to choose
 //! gains, and the comparison.
 
-mod common;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

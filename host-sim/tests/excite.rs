@@ -1,8 +1,6 @@
 //! `host-sim excite` as the user runs it: exit codes, messages, files.
 
-mod common;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use std::fs;
 use std::path::Path;
 

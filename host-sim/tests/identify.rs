@@ -1,8 +1,6 @@
 //! `host-sim identify` as the user runs it: what it finds, and what it refuses, each with its sentence.
 
-mod common;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::excite::{ExcitationPlan, ExcitationRequest};
 use host_sim::machine::Friction;

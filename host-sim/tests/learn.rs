@@ -1,9 +1,7 @@
 //! `host-sim learn`: one command from the record of an ordinary move to new gains; and `--watch`, which says when it
 //! is time for that.
 
-mod common;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use host_sim::design::Design;
 use host_sim::drive::{Drive, PlantFile};
 use host_sim::identify::{Columns, Drift, Log, drift};

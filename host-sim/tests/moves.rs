@@ -1,9 +1,7 @@
 //! `host-sim moves`: the same plants for every law, the same figures in table and JSON and for any number of
 //! threads, and what cannot be asked.
 
-mod common;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use serde_json::Value;
 
 const THIN: [&str; 5] = ["moves", "--plants", "3", "--evaluations", "20"];

@@ -1,10 +1,8 @@
 //! `host-sim record` as the user runs it, on the memory of a drive that has made two moves.
 
-mod common;
-
+use crate::common::{host_sim, ran};
 use arso_core::record::{Course, LastMoves, Recorder, Scale};
 use arso_core::{Counts, Current, Identity};
-use common::{host_sim, ran};
 
 const DRIVE: Identity<'static> = Identity {
     kind: "linear",

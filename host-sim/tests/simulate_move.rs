@@ -1,8 +1,6 @@
 //! `simulate --move`: planned moves, one after the other and on top of each other.
 
-mod common;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use serde_json::Value;
 use std::fs;
 

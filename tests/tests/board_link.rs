@@ -138,7 +138,7 @@ fn random_targets_are_reached() {
     reaches_random_targets(20);
 }
 
-/// Some minutes: `cargo test --release -p arso-tests --features virtual-board --test board_link -- --ignored`.
+/// Some minutes: `cargo test --release -p arso-tests --features virtual-board --test all board_link -- --ignored`.
 #[test]
 #[ignore = "takes minutes"]
 fn a_thousand_random_targets_are_reached() {

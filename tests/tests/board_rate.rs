@@ -49,7 +49,10 @@ fn a_drive_runs_at_ten_and_twenty_kilohertz() {
         let last = capture.records.last().unwrap();
         let estimates = last.load_position.iter().map(|x| zero + f64::from(*x));
         for (estimate, truth) in estimates.zip(&truth[1..]) {
-            assert!((estimate - truth).abs() < TOLERANCE, "{estimate} of {truth}");
+            assert!(
+                (estimate - truth).abs() < TOLERANCE,
+                "{estimate} of {truth}"
+            );
         }
     }
 }

@@ -363,7 +363,7 @@ fn a_power_cut_leaves_the_old_set_or_the_new() {
     power_cuts((3000, 8));
 }
 
-/// At every one: `cargo test -p arso-tests --features virtual-board --test board_settings -- --ignored`.
+/// At every one: `cargo test -p arso-tests --features virtual-board --test all board_settings -- --ignored`.
 #[test]
 #[ignore = "takes minutes: the same as above at every operation"]
 fn a_power_cut_at_any_operation_leaves_the_old_set_or_the_new() {

@@ -1,10 +1,8 @@
 //! Inputs on which the program once said something that was not so: each must be told as it is.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod drives;
 
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use drives::{
     BELT_2A, BELT_2A_PLANT, BELT_REFUSED, HEAVY, HEAVY_PLANT, HUNTING, HUNTING_WILD, ROTARY,
     ROTARY_PLANT,
