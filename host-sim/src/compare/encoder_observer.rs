@@ -101,7 +101,6 @@ impl Control for EncoderObserver<'_> {
             enable: true,
             limited: limited.limited,
             reference: led.state[0],
-            record: None,
         })
     }
 }

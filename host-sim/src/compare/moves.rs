@@ -17,6 +17,7 @@
 mod figures;
 mod sets;
 
+use figures::FigureMeter;
 pub use figures::Figures;
 pub use sets::Set;
 
@@ -28,8 +29,9 @@ use crate::drive::Drive;
 use crate::error::Result;
 use crate::output::Progress;
 use crate::simulate::bound::{Bound, bound, times};
+use crate::simulate::metrics::Frame;
 use crate::simulate::scenario::{Approach, SCENARIOS, Scenario};
-use crate::simulate::{Core, FullState, Law, close_loop};
+use crate::simulate::{Core, FullState, Instant, Time, follow, require_no_fault};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -230,11 +232,15 @@ pub fn campaign(
             progress(done, count, &format!("{law}, {}", set.name()));
             let run = |case: &Case| -> Result<Figures> {
                 let mut control = make(case)?;
-                let (law, plant) = (Law::Rival(law), (&case.plant, case.late));
-                let time = (period, length);
-                let run = close_loop(law, control.as_mut(), plant, scenario, time)?;
+                let plant = (&case.plant, case.late);
+                let time = Time::new(period, length);
+                let frame = Frame::on(&case.plant, scenario, time);
                 let tolerance = design.motion.settling_tolerance;
-                Figures::new(&run, tolerance, still_after)
+                let mut meter = FigureMeter::new(frame, tolerance, still_after);
+                let look = |instant: &Instant<'_>| meter.look(&instant.seen());
+                let fault = follow(control.as_mut(), plant, scenario, time, look)?;
+                require_no_fault(scenario.name, fault)?;
+                Ok(meter.figures())
             };
             let figures: Vec<Result<Figures>> = plants.par_iter().map(run).collect();
             on.push(OnPlants::new(law, &figures, &bounds));

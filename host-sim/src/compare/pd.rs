@@ -151,7 +151,6 @@ impl Control for Pd<'_> {
             enable: true,
             limited: limited.limited,
             reference: led.state[0],
-            record: None,
         })
     }
 }

@@ -1,9 +1,7 @@
 //! What one move is judged by.
 
-use crate::error::Result;
-use crate::simulate::Run;
-use crate::simulate::ending::{Motion, peak_to_peak};
-use crate::simulate::metrics::{Metrics, controlled, within_from};
+use crate::simulate::ending::{Extent, Motion};
+use crate::simulate::metrics::{Frame, Meter, Seen, Stay, both_within, controlled};
 
 /// From when on the vibration is residual, s, or from the time the band is kept if that is later.
 const RESIDUAL_FROM: f64 = 0.5;
@@ -31,36 +29,82 @@ pub struct Figures {
     pub hunting: bool,
 }
 
-impl Figures {
-    /// Judges a run.
+/// Figures of one move, taken while it passes.
+pub(super) struct FigureMeter {
+    meter: Meter,
+    in_tolerance: Stay,
+    target: f64,
+    tolerance: f64,
+    resolution: f64,
+    still_after: f64,
+    /// Of the controlled mass from [`RESIDUAL_FROM`] on, and of that what comes after the last sample outside the band.
+    late: Extent,
+    in_band: Extent,
+    /// Ends of the actuator's motion when it has to be still, counts.
+    counts: (i64, i64),
+}
+
+impl FigureMeter {
+    /// For a run.
     ///
     /// * `tolerance`: m
     /// * `still_after`: s
-    ///
-    /// # Errors
-    /// [`Error::Fault`](crate::error::Error::Fault) when the drive stopped itself.
-    pub fn new(run: &Run, tolerance: f64, still_after: f64) -> Result<Self> {
-        run.require_no_fault()?;
-        let metrics = Metrics::new(run);
-        let samples = &run.samples;
+    pub(super) fn new(frame: Frame, tolerance: f64, still_after: f64) -> Self {
+        Self {
+            meter: Meter::new(frame),
+            in_tolerance: Stay::default(),
+            target: frame.target,
+            tolerance,
+            resolution: frame.resolution,
+            still_after,
+            late: Extent::default(),
+            in_band: Extent::default(),
+            counts: (i64::MAX, i64::MIN),
+        }
+    }
+
+    /// The next sample.
+    pub(super) fn look(&mut self, seen: &Seen<'_>) {
+        let truth = seen.truth;
+        self.meter.look(seen);
+        let there = both_within(truth, self.target, self.tolerance);
+        self.in_tolerance.see(seen.time, there);
+        if !self.meter.in_band() {
+            self.in_band = Extent::default();
+        }
+        if seen.time >= RESIDUAL_FROM {
+            let position = truth[controlled(truth.len())];
+            self.late.see(position);
+            if self.meter.in_band() {
+                self.in_band.see(position);
+            }
+        }
+        if seen.time >= self.still_after {
+            let count = (truth[0] / self.resolution).round() as i64;
+            let (least, most) = self.counts;
+            self.counts = (least.min(count), most.max(count));
+        }
+    }
+
+    /// The figures, of a run that has passed without a fault.
+    pub(super) fn figures(&self) -> Figures {
+        let metrics = self.meter.metrics(None);
         // In the last part of the run it may well leave again.
-        let within = within_from(run, tolerance).filter(|time| *time <= still_after);
-        let from = |time: f64| &samples[samples.partition_point(|sample| sample.time < time)..];
-        let residual_from = metrics.within_band_from.unwrap_or(0.0).max(RESIDUAL_FROM);
-        let counts = from(still_after).iter();
-        let counts = counts.map(|s| (s.truth[0] / run.resolution).round() as i64);
-        let (least, most) = counts.fold((i64::MAX, i64::MIN), |(least, most), count| {
-            (least.min(count), most.max(count))
-        });
-        Ok(Self {
+        let within = self.in_tolerance.from();
+        let residual = match metrics.within_band_from {
+            Some(_) => self.in_band,
+            None => self.late,
+        };
+        let (least, most) = self.counts;
+        Figures {
             settled: metrics.settling_time,
             within_band: metrics.within_band_from,
-            within_tolerance: within,
-            residual: peak_to_peak(from(residual_from), controlled(run)),
+            within_tolerance: within.filter(|time| *time <= self.still_after),
+            residual: residual.peak_to_peak(),
             offset: metrics.end.offset[0].abs().max(metrics.end.offset[1].abs()),
             peak_current: metrics.peak_current,
             still: most.saturating_sub(least) <= STILL,
             hunting: metrics.end.state == Motion::Hunting,
-        })
+        }
     }
 }
