@@ -22,6 +22,7 @@ use host_sim::simulate::corridor::{Corridor, corridor};
 use host_sim::simulate::metrics::Metrics;
 use host_sim::simulate::plant::Plant;
 use host_sim::simulate::sequence::{MoveSequence, simulate_moves};
+use host_sim::simulate::watch::measure_moves;
 use host_sim::simulate::{Law, commission};
 use std::hint::black_box;
 use std::time::Instant;
@@ -166,14 +167,27 @@ impl Bench {
                     black_box(plant.state());
                 })
             }
-            "kept" => self.time(|| {
-                let duration = self.periods as f64 * self.period;
-                let (design, plant) = (&self.design, &self.plant);
-                let run = simulate_moves(design, plant, &self.sequence, Law::Core, duration);
+            "loop" => self.beyond_the_first(|periods| {
+                let (design, plant, moves) = (&self.design, &self.plant, &self.sequence);
+                let duration = periods as f64 * self.period;
+                let metrics = measure_moves(design, plant, moves, Law::Core, duration);
+                black_box(metrics.expect("figures"));
+            }),
+            "kept" => self.beyond_the_first(|periods| {
+                let (design, plant, moves) = (&self.design, &self.plant, &self.sequence);
+                let duration = periods as f64 * self.period;
+                let run = simulate_moves(design, plant, moves, Law::Core, duration);
                 black_box(Metrics::new(&run.expect("a run")));
             }),
             other => panic!("{other} is none of {PARTS:?}"),
         }
+    }
+
+    /// What a run takes beyond one of a tenth of its length: the loop without what comes before it.
+    fn beyond_the_first(&self, run: impl Fn(usize)) -> f64 {
+        let first = self.periods / 10;
+        let (short, long) = (self.time(|| run(first)), self.time(|| run(self.periods)));
+        (long - short) * self.periods as f64 / (self.periods - first) as f64
     }
 
     fn time(&self, run: impl FnOnce()) -> f64 {

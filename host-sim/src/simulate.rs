@@ -27,6 +27,7 @@ use crate::design::protection::Protection;
 use crate::design::{Design, settling_tolerance};
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
+use crate::linear::product::dot;
 use arso_core::friction::FrictionFeedForward;
 use arso_core::limits::Limits;
 use arso_core::{Counts, Current, Fault, Measurement, Mode, Place, Refusal, Request};
@@ -493,7 +494,11 @@ impl Control for FullState<'_> {
     fn step(&mut self, _: u32, truth: &DVector<f64>, _: f64) -> Result<ControlOutput> {
         let reference = self.player.step()?;
         let friction = f64::from(self.friction.step(reference.velocity).0) / self.force_constant;
-        let feedback = (&self.gain * (truth - &reference.state)).x;
+        let errors = truth.iter().zip(reference.state);
+        let feedback = dot(
+            &self.gain,
+            errors.map(|(truth, reference)| truth - reference),
+        );
         let current = reference.feed_forward + friction - feedback;
         let limited = self.limits.step(Current(current as f32)).ok_or_else(|| {
             Error::Simulation("feedback of the true state is no longer finite".into())
