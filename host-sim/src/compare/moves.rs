@@ -17,7 +17,6 @@
 mod figures;
 mod sets;
 
-use figures::FigureMeter;
 pub use figures::Figures;
 pub use sets::Set;
 
@@ -29,9 +28,8 @@ use crate::drive::Drive;
 use crate::error::Result;
 use crate::output::Progress;
 use crate::simulate::bound::{Bound, bound, times};
-use crate::simulate::metrics::Frame;
 use crate::simulate::scenario::{Approach, SCENARIOS, Scenario};
-use crate::simulate::{Core, FullState, Instant, Time, follow, require_no_fault};
+use crate::simulate::{Core, FullState, Time};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -234,13 +232,8 @@ pub fn campaign(
                 let mut control = make(case)?;
                 let plant = (&case.plant, case.late);
                 let time = Time::new(period, length);
-                let frame = Frame::on(&case.plant, scenario, time);
-                let tolerance = design.motion.settling_tolerance;
-                let mut meter = FigureMeter::new(frame, tolerance, still_after);
-                let look = |instant: &Instant<'_>| meter.look(&instant.seen());
-                let fault = follow(control.as_mut(), plant, scenario, time, look)?;
-                require_no_fault(scenario.name, fault)?;
-                Ok(meter.figures())
+                let judged_by = (design.motion.settling_tolerance, still_after);
+                Figures::measure(control.as_mut(), plant, scenario, time, judged_by)
             };
             let figures: Vec<Result<Figures>> = plants.par_iter().map(run).collect();
             on.push(OnPlants::new(law, &figures, &bounds));

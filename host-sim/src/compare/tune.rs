@@ -234,6 +234,56 @@ fn apart(space: &Space, a: &[f64], b: &[f64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::Run;
+    use crate::simulate::ending::Ending;
+    use crate::simulate::metrics::formula;
+    use proptest::prelude::*;
+
+    /// The criterion from a run that was kept, as the head of this file has it.
+    fn by_definition(run: &Run, moving: Moving) -> f64 {
+        let (n, target) = (run.samples.len(), run.scenario.target);
+        let span = target - run.samples[0].truth[4];
+        let error = |k: usize| (run.samples[k].truth[4] - target) / span;
+        let to_be_held = (0.1 * n as f64).ceil() as usize;
+        let time = |band: f64| {
+            let mut outside = (0..n).filter(|k| error(*k).abs() > band);
+            match outside.next_back() {
+                None => 0.0,
+                Some(last) if last >= n - to_be_held => {
+                    let off: f64 = (n - to_be_held..n).map(|k| error(k).abs()).sum();
+                    n as f64 * (2.0 + (off / to_be_held as f64).min(1.0))
+                }
+                Some(last) => {
+                    let (before, after) = (error(last), error(last + 1));
+                    last as f64 + (before.abs() - band) / (before - after).abs()
+                }
+            }
+        };
+        let times: f64 = [0.01, 0.014, 0.02, 0.028].map(time).iter().sum();
+        let end = Ending::new(run);
+        let counts = moving == Moving::Any || end.state == Motion::Hunting;
+        let motion = (end.motion[0].max(end.motion[1]) / end.tolerance).max(1.0);
+        times / 4.0
+            + if counts {
+                0.1 * n as f64 * motion.ln()
+            } else {
+                0.0
+            }
+    }
+
+    proptest! {
+        /// While the run passes: the same number.
+        #[test]
+        fn the_criterion_is_that_of_the_run(run in formula::runs()) {
+            for moving in [Moving::Any, Moving::Lasting] {
+                let mut criterion = Criterion::new(Frame::of(&run), moving);
+                for sample in &run.samples {
+                    criterion.look(&sample.into());
+                }
+                prop_assert_eq!(criterion.periods(), by_definition(&run, moving));
+            }
+        }
+    }
 
     /// Rosenbrock's valley has its bottom at (1, 1); that of Rastrigin lies among many others.
     #[test]

@@ -145,22 +145,14 @@ impl Motion {
         };
         let (actuator, loads) = self.frictions.split_at(1);
         let (state, next) = (&self.state, &mut self.next);
-        match (&self.late, commands) {
-            (Some(late), Some(commands)) => {
-                let held = (commands.0, &actuator[0].response);
-                product_and(&self.transition, state, held, next);
-                late.add(commands, next);
-                add(-sliding(&actuator[0]), &actuator[0].response, next);
-            }
-            _ => {
-                let newton = force - sliding(&actuator[0]);
-                product_and(
-                    &self.transition,
-                    state,
-                    (newton, &actuator[0].response),
-                    next,
-                );
-            }
+        if let (Some(late), Some(commands)) = (&self.late, commands) {
+            let held = (commands.0, &actuator[0].response);
+            product_and(&self.transition, state, held, next);
+            late.add(commands, next);
+            add(-sliding(&actuator[0]), &actuator[0].response, next);
+        } else {
+            let newton = (force - sliding(&actuator[0]), &actuator[0].response);
+            product_and(&self.transition, state, newton, next);
         }
         for rubbing in loads {
             add(-sliding(rubbing), &rubbing.response, next);

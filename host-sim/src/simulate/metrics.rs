@@ -379,6 +379,61 @@ impl Metrics {
     }
 }
 
+/// Runs by a formula, for tests.
+#[cfg(test)]
+pub(crate) mod formula {
+    use super::*;
+    use crate::simulate::Law;
+    use nalgebra::DVector;
+    use proptest::prelude::*;
+
+    /// A run of the paper's first step in periods of 1 ms: actuator and controlled mass of a chain of three loads by
+    /// a formula of time, in m and s.
+    pub(crate) fn run(periods: usize, motion: impl Fn(f64) -> [f64; 2]) -> Run {
+        let samples = (0..periods).map(|k| {
+            let time = k as f64 * 1e-3;
+            let mut truth = DVector::zeros(8);
+            [truth[0], truth[4]] = motion(time);
+            Sample {
+                time,
+                count: 0,
+                truth,
+                true_reaction_force: 0.0,
+                reference: 0.03,
+                applied_current: 0.0,
+                command: 0.0,
+                limited: false,
+                record: None,
+            }
+        });
+        Run {
+            kind: crate::machine::Kind::Linear,
+            resolution: 1e-6,
+            settling_tolerance: 50e-6,
+            scenario: *Scenario::named("fig3").unwrap(),
+            law: Law::FullState,
+            samples: samples.collect(),
+            fault: None,
+        }
+    }
+
+    /// Runs whose masses swing around a place beside the target, at rates at which they settle soon, late or not at
+    /// all, over a hum that may be rest, hunting, or more than any band.
+    pub(crate) fn runs() -> impl Strategy<Value = Run> {
+        let hum = prop_oneof![Just(0.0), 1e-6..2e-3_f64];
+        let aside = prop_oneof![Just(0.0), -2e-3..2e-3_f64];
+        (50..1500_usize, 1.0..60.0_f64, 5.0..100.0_f64, hum, aside).prop_map(
+            |(periods, rate, omega, hum, aside)| {
+                let swing = move |time: f64, rate: f64| {
+                    let left = (-rate * time).exp() * (omega * time).cos();
+                    0.03 + (aside - 0.03) * left + aside * (1.0 - left) + hum * (70.0 * time).sin()
+                };
+                run(periods, |time| [swing(time, 2.0 * rate), swing(time, rate)])
+            },
+        )
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

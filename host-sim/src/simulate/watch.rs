@@ -95,6 +95,7 @@ pub(super) struct WatchMeter {
     periods: usize,
     samples: usize,
     experiment: Meter,
+    /// Of all of it; not used where nothing comes after the experiment, whose own say the same.
     ending: EndingMeter,
     in_tolerance: Stay,
 }
@@ -124,6 +125,9 @@ impl WatchMeter {
             self.experiment.look(seen);
         }
         self.samples += 1;
+        if self.periods == self.whole.periods {
+            return;
+        }
         let (truth, whole) = (seen.truth, &self.whole);
         let there = both_within(truth, whole.target, whole.settling_tolerance);
         self.in_tolerance.see(seen.time, there);
@@ -133,9 +137,12 @@ impl WatchMeter {
 
     /// The figures of the experiment, its end as it is after the loop has run on.
     pub(super) fn metrics(&self, fault: Option<(f64, Fault)>) -> Metrics {
+        let metrics = self.experiment.metrics(fault);
+        if self.periods == self.whole.periods {
+            return metrics;
+        }
         let watched = self.in_tolerance.held(&self.whole);
-        let end = self.ending.ending();
-        self.experiment.metrics(fault).with_end(&end, watched)
+        metrics.with_end(&self.ending.ending(), watched)
     }
 }
 

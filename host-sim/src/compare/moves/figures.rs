@@ -1,7 +1,11 @@
 //! What one move is judged by.
 
+use crate::drive::PlantFile;
+use crate::error::Result;
 use crate::simulate::ending::{Extent, Motion};
 use crate::simulate::metrics::{Frame, Meter, Seen, Stay, both_within, controlled};
+use crate::simulate::scenario::Scenario;
+use crate::simulate::{Control, Instant, Run, Time, follow, require_no_fault};
 
 /// From when on the vibration is residual, s, or from the time the band is kept if that is later.
 const RESIDUAL_FROM: f64 = 0.5;
@@ -29,8 +33,48 @@ pub struct Figures {
     pub hunting: bool,
 }
 
+impl Figures {
+    /// Judges a run that was kept.
+    ///
+    /// * `tolerance`: m
+    /// * `still_after`: s
+    ///
+    /// # Errors
+    /// [`Error::Fault`](crate::error::Error::Fault) when the drive stopped itself.
+    pub fn new(run: &Run, tolerance: f64, still_after: f64) -> Result<Self> {
+        run.require_no_fault()?;
+        let mut meter = FigureMeter::new(Frame::of(run), tolerance, still_after);
+        for sample in &run.samples {
+            meter.look(&sample.into());
+        }
+        Ok(meter.figures())
+    }
+
+    /// Makes a run and judges it while it passes.
+    ///
+    /// * `plant`: what is there, and the control periods by which the current comes late
+    ///
+    /// # Errors
+    /// The same, and [`Error::Simulation`](crate::error::Error::Simulation) when the motion or a command is no
+    /// longer finite.
+    pub(super) fn measure(
+        control: &mut dyn Control,
+        plant: (&PlantFile, usize),
+        scenario: &Scenario,
+        time: Time,
+        (tolerance, still_after): (f64, f64),
+    ) -> Result<Self> {
+        let frame = Frame::on(plant.0, scenario, time);
+        let mut meter = FigureMeter::new(frame, tolerance, still_after);
+        let look = |instant: &Instant<'_>| meter.look(&instant.seen());
+        let fault = follow(control, plant, scenario, time, look)?;
+        require_no_fault(scenario.name, fault)?;
+        Ok(meter.figures())
+    }
+}
+
 /// Figures of one move, taken while it passes.
-pub(super) struct FigureMeter {
+struct FigureMeter {
     meter: Meter,
     in_tolerance: Stay,
     target: f64,
@@ -49,7 +93,7 @@ impl FigureMeter {
     ///
     /// * `tolerance`: m
     /// * `still_after`: s
-    pub(super) fn new(frame: Frame, tolerance: f64, still_after: f64) -> Self {
+    fn new(frame: Frame, tolerance: f64, still_after: f64) -> Self {
         Self {
             meter: Meter::new(frame),
             in_tolerance: Stay::default(),
@@ -64,7 +108,7 @@ impl FigureMeter {
     }
 
     /// The next sample.
-    pub(super) fn look(&mut self, seen: &Seen<'_>) {
+    fn look(&mut self, seen: &Seen<'_>) {
         let truth = seen.truth;
         self.meter.look(seen);
         let there = both_within(truth, self.target, self.tolerance);
@@ -87,7 +131,7 @@ impl FigureMeter {
     }
 
     /// The figures, of a run that has passed without a fault.
-    pub(super) fn figures(&self) -> Figures {
+    fn figures(&self) -> Figures {
         let metrics = self.meter.metrics(None);
         // In the last part of the run it may well leave again.
         let within = self.in_tolerance.from();
@@ -105,6 +149,45 @@ impl FigureMeter {
             peak_current: metrics.peak_current,
             still: most.saturating_sub(least) <= STILL,
             hunting: metrics.end.state == Motion::Hunting,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::metrics::{Metrics, formula};
+    use proptest::prelude::*;
+
+    proptest! {
+        /// While the run passes: what its samples say.
+        #[test]
+        fn figures_are_those_of_the_run(run in formula::runs(), still_after in 0.0..1.0_f64) {
+            let figures = Figures::new(&run, 80e-6, still_after).unwrap();
+            let off = |k: usize, element: usize| (run.samples[k].truth[element] - 0.03).abs();
+            let from = |time: f64| run.samples.iter().filter(move |sample| sample.time >= time);
+            let swing = |time: f64, element: usize| {
+                let each = || from(time).map(|sample| sample.truth[element]);
+                (each().fold(f64::MIN, f64::max) - each().fold(f64::MAX, f64::min)).max(0.0)
+            };
+            let mut outside = (0..run.samples.len()).filter(|k| off(*k, 0).max(off(*k, 4)) > 80e-6);
+            let there = outside.next_back().map_or(0, |last| last + 1);
+            let there = run.samples.get(there).map(|sample| sample.time);
+            let metrics = Metrics::new(&run);
+            let in_band = metrics.within_band_from;
+            let counts: Vec<f64> =
+                from(still_after).map(|sample| (sample.truth[0] / 1e-6).round()).collect();
+            let still = counts.iter().all(|a| counts.iter().all(|b| (a - b).abs() <= 2.0));
+            prop_assert_eq!(figures, Figures {
+                settled: metrics.settling_time,
+                within_band: in_band,
+                within_tolerance: there.filter(|time| *time <= still_after),
+                residual: swing(in_band.unwrap_or(0.0).max(0.5), 4),
+                offset: metrics.end.offset[0].abs().max(metrics.end.offset[1].abs()),
+                peak_current: 0.0,
+                still,
+                hunting: metrics.end.state == Motion::Hunting,
+            });
         }
     }
 }
