@@ -45,12 +45,6 @@ impl Limits {
         }
     }
 
-    /// See [`Limiter::step`].
-    #[must_use]
-    pub fn step(&self, command: Current) -> Option<Limited> {
-        self.limiter().step(command)
-    }
-
     pub(crate) fn check(&self) -> Result<(), SettingsError> {
         positive("limits.current_limit", self.current_limit)?;
         not_negative("limits.current_resolution", self.current_resolution)
@@ -151,7 +145,7 @@ mod tests {
             (2.3, 2.0, true),
             (-9.0, -2.0, true),
         ] {
-            let result = limits.step(Current(command)).unwrap();
+            let result = limits.limiter().step(Current(command)).unwrap();
             assert_eq!(
                 (result.current.0, result.limited),
                 (current, limited),
@@ -163,20 +157,20 @@ mod tests {
             current_limit: 0.9,
             current_resolution: 0.3,
         };
-        assert_eq!(third.step(Current(5.0)).unwrap().current.0, 0.9);
+        assert_eq!(third.limiter().step(Current(5.0)).unwrap().current.0, 0.9);
         // A limit that is no whole number of steps is kept from below.
         let uneven = Limits {
             current_limit: 0.9,
             current_resolution: 0.4,
         };
-        assert_eq!(uneven.step(Current(5.0)).unwrap().current.0, 0.8);
-        assert_eq!(LIMITS.step(Current(5.0)).unwrap().current.0, 2.0);
+        assert_eq!(uneven.limiter().step(Current(5.0)).unwrap().current.0, 0.8);
+        assert_eq!(LIMITS.limiter().step(Current(5.0)).unwrap().current.0, 2.0);
     }
 
     #[test]
     fn what_is_not_finite_is_refused() {
         for command in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            assert_eq!(LIMITS.step(Current(command)), None);
+            assert_eq!(LIMITS.limiter().step(Current(command)), None);
         }
     }
 
@@ -189,7 +183,7 @@ mod tests {
             current_resolution in prop::num::f32::ANY,
         ) {
             let limits = Limits { current_limit, current_resolution };
-            if let Some(limited) = limits.step(Current(command)) {
+            if let Some(limited) = limits.limiter().step(Current(command)) {
                 prop_assert!(limited.current.0.abs() <= current_limit);
             } else {
                 let meant = command.is_finite() && limits.check().is_ok();
@@ -203,7 +197,7 @@ mod tests {
         fn every_finite_command_is_within_the_limit_and_half_a_step(
             command in prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
         ) {
-            let limited = LIMITS.step(Current(command)).unwrap();
+            let limited = LIMITS.limiter().step(Current(command)).unwrap();
             prop_assert!(limited.current.0.abs() <= LIMITS.current_limit);
             prop_assert_eq!(limited.limited, command.abs() > LIMITS.current_limit);
             let clamped = command.clamp(-2.0, 2.0);

@@ -35,18 +35,18 @@ pub use pd::{DisturbanceSettings, ReferenceSettings, Settings as PdSettings};
 pub use shaper::Shaper;
 pub use spread::Spread;
 
-use crate::design::Design;
+use crate::design::{Design, settling_tolerance};
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::output::Progress;
-use crate::simulate::metrics::Metrics;
+use crate::simulate::metrics::{Frame, Metrics};
 use crate::simulate::scenario::{Approach, SCENARIOS, Scenario};
-use crate::simulate::watch::judged;
-use crate::simulate::{Law, close_loop};
+use crate::simulate::watch::measure_loop;
+use crate::simulate::{Instant, Time, follow};
 use laws::{Make, Tuned};
 use rayon::prelude::*;
 use serde::Serialize;
-use tune::Moving;
+use tune::{Criterion, Moving};
 
 /// One plant of the comparison.
 #[derive(Clone, Debug)]
@@ -360,19 +360,12 @@ impl Bench {
     }
 
     /// A law's figures on one plant.
-    fn judge(&self, law: &'static str, make: &Make<'_>, case: &Case) -> Outcome {
-        let periods = (self.duration / self.period).round() as usize;
+    fn judge(&self, make: &Make<'_>, case: &Case) -> Outcome {
         let result = make(case).and_then(|mut control| {
             let plant = (&case.plant, case.late);
-            let time = (self.period, self.watched);
-            let run = close_loop(
-                Law::Rival(law),
-                control.as_mut(),
-                plant,
-                &self.scenario,
-                time,
-            )?;
-            Ok(judged(run, periods).1)
+            let time = (self.period, self.duration, self.watched);
+            let tolerance = settling_tolerance(case.plant.encoder.resolution);
+            measure_loop(control.as_mut(), plant, &self.scenario, time, tolerance)
         });
         Outcome {
             case: case.name.clone(),
@@ -446,7 +439,7 @@ impl Bench {
         make: &Make<'_>,
     ) -> Row {
         let on = |cases: &[Case]| -> Vec<Outcome> {
-            let outcomes = cases.par_iter().map(|case| self.judge(law, make, case));
+            let outcomes = cases.par_iter().map(|case| self.judge(make, case));
             outcomes.collect()
         };
         Row {
@@ -469,13 +462,16 @@ impl Bench {
             case.tuned || (law.removes_friction && case.plant.friction.coulomb > 0.0)
         });
         let each = tuned.map(|case| {
+            let time = Time::new(self.period, self.duration);
+            let mut criterion =
+                Criterion::new(Frame::on(&case.plant, &self.scenario, time), self.moving);
+            let look = |instant: &Instant<'_>| criterion.look(&instant.seen());
             let result = make(case).and_then(|mut control| {
-                let (law, plant) = (Law::Rival(law.name), (&case.plant, case.late));
-                let time = (self.period, self.duration);
-                close_loop(law, control.as_mut(), plant, &self.scenario, time)
+                let plant = (&case.plant, case.late);
+                follow(control.as_mut(), plant, &self.scenario, time, look)
             });
             match result {
-                Ok(run) if run.fault.is_none() => tune::criterion(&run, self.moving),
+                Ok(None) => criterion.periods(),
                 _ => lost,
             }
         });

@@ -27,10 +27,12 @@ use crate::design::protection::Protection;
 use crate::design::{Design, settling_tolerance};
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
+use crate::linear::product::dot;
 use arso_core::friction::FrictionFeedForward;
-use arso_core::limits::Limits;
+use arso_core::limits::Limiter;
 use arso_core::{Counts, Current, Fault, Measurement, Mode, Place, Refusal, Request};
-use corridor::{Corridor, Record, corridor_with};
+use corridor::{Corridor, Found, Record, corridor_with};
+use metrics::{Frame, Meter, Metrics, Seen};
 use nalgebra::DVector;
 use plant::Plant;
 use scenario::Scenario;
@@ -96,15 +98,7 @@ impl Run {
     /// # Errors
     /// [`Error::Fault`], which names the fault and when.
     pub(crate) fn require_no_fault(&self) -> Result<()> {
-        let Some((time, fault)) = self.fault else {
-            return Ok(());
-        };
-        Err(Error::Fault {
-            experiment: self.scenario.name,
-            time,
-            number: fault.number(),
-            fault: format!("{fault:?}"),
-        })
+        require_no_fault(self.scenario.name, self.fault)
     }
 
     /// The same run, held against the tolerance of a design.
@@ -114,6 +108,25 @@ impl Run {
             ..self
         }
     }
+}
+
+/// Refuses a run of an experiment in which the drive stopped itself.
+///
+/// # Errors
+/// [`Error::Fault`], which names the fault and when.
+pub(crate) fn require_no_fault(
+    experiment: &'static str,
+    fault: Option<(f64, Fault)>,
+) -> Result<()> {
+    let Some((time, fault)) = fault else {
+        return Ok(());
+    };
+    Err(Error::Fault {
+        experiment,
+        time,
+        number: fault.number(),
+        fault: format!("{fault:?}"),
+    })
 }
 
 /// Simulates one experiment.
@@ -131,13 +144,44 @@ pub fn simulate(
     law: Law,
     duration: f64,
 ) -> Result<Run> {
-    let mut control: Box<dyn Control + '_> = match law {
-        Law::Core => Box::new(Core::new(design, file, scenario)?),
-        _ => Box::new(FullState::new(design, scenario)?),
-    };
+    let mut control = control(design, file, scenario, law)?;
     let time = (design.drive.control.sample_time, duration);
     let run = close_loop(law, control.as_mut(), (file, 0), scenario, time)?;
     Ok(run.with_tolerance(design))
+}
+
+/// Simulates one experiment for its figures alone: those of [`Metrics::new`], without keeping a sample.
+///
+/// * `file`, `duration`: as for [`simulate`]
+///
+/// # Errors
+/// As [`simulate`].
+pub fn measure(
+    design: &Design,
+    file: &PlantFile,
+    scenario: &Scenario,
+    law: Law,
+    duration: f64,
+) -> Result<Metrics> {
+    let mut control = control(design, file, scenario, law)?;
+    let time = Time::new(design.drive.control.sample_time, duration);
+    let frame = Frame::on(file, scenario, time);
+    let mut meter = Meter::new(frame.with_tolerance(design.motion.settling_tolerance));
+    let look = |instant: &Instant<'_>| meter.look(&instant.seen());
+    let fault = follow(control.as_mut(), (file, 0), scenario, time, look)?;
+    Ok(meter.metrics(fault))
+}
+
+fn control<'d>(
+    design: &'d Design,
+    file: &PlantFile,
+    scenario: &Scenario,
+    law: Law,
+) -> Result<Box<dyn Control + 'd>> {
+    Ok(match law {
+        Law::Core => Box::new(Core::new(design, file, scenario)?),
+        _ => Box::new(FullState::new(design, scenario)?),
+    })
 }
 
 /// Simulates one experiment under any law; its tolerance is that of a drive which states none.
@@ -154,36 +198,10 @@ pub(crate) fn close_loop(
     scenario: &Scenario,
     (period, duration): (f64, f64),
 ) -> Result<Run> {
-    let mut plant = Plant::new(file, period);
-    plant.start_from(&scenario.initial_state(plant.chain()));
-    let periods = (duration / period).round() as usize;
-    let mut samples = Vec::with_capacity(periods);
-    let mut fault = None;
-    let mut applied_current = 0.0;
-    let mut on_the_way = VecDeque::from(vec![0.0; late]);
-    for k in 0..periods {
-        let time = k as f64 * period;
-        let count = plant.count();
-        let step = control.step(count, plant.state(), applied_current)?;
-        if let (None, Some(Mode::Fault(new))) = (fault, step.record.as_ref().map(|r| r.mode)) {
-            fault = Some((time, new));
-        }
-        samples.push(Sample {
-            time,
-            count,
-            truth: plant.state().clone(),
-            true_reaction_force: plant.reaction_force(),
-            reference: step.reference,
-            applied_current,
-            command: step.current,
-            limited: step.limited,
-            record: step.record,
-        });
-        plant.enable(step.enable);
-        on_the_way.push_back(step.current);
-        plant.advance(on_the_way.pop_front().unwrap_or(step.current))?;
-        applied_current = step.current;
-    }
+    let time = Time::new(period, duration);
+    let mut samples = Vec::with_capacity(time.periods);
+    let keep = |instant: &Instant<'_>| samples.push(instant.sample());
+    let fault = follow(control, (file, late), scenario, time, keep)?;
     Ok(Run {
         kind: file.kind,
         resolution: file.encoder.resolution,
@@ -193,6 +211,112 @@ pub(crate) fn close_loop(
         samples,
         fault,
     })
+}
+
+/// A control period and how many of them are simulated.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Time {
+    /// s.
+    pub(crate) period: f64,
+    pub(crate) periods: usize,
+}
+
+impl Time {
+    /// * `period`, `duration`: s
+    pub(crate) fn new(period: f64, duration: f64) -> Self {
+        let periods = (duration / period).round() as usize;
+        Self { period, periods }
+    }
+
+    /// Start of the last period, s.
+    pub(crate) fn last(&self) -> f64 {
+        self.periods.saturating_sub(1) as f64 * self.period
+    }
+}
+
+/// One control period as the loop lends it: what was true and what was said at its start.
+pub(crate) struct Instant<'l> {
+    /// s.
+    pub(crate) time: f64,
+    count: u32,
+    applied_current: f64,
+    plant: &'l Plant,
+    control: &'l dyn Control,
+    output: &'l ControlOutput,
+    found: Option<Found<'l>>,
+}
+
+impl Instant<'_> {
+    /// What figures are made of.
+    pub(crate) fn seen(&self) -> Seen<'_> {
+        Seen {
+            time: self.time,
+            truth: self.plant.state().as_slice(),
+            command: self.output.current,
+            found: self.found,
+        }
+    }
+
+    /// A copy to keep.
+    fn sample(&self) -> Sample {
+        Sample {
+            time: self.time,
+            count: self.count,
+            truth: self.plant.state().clone(),
+            true_reaction_force: self.plant.reaction_force(),
+            reference: self.output.reference,
+            applied_current: self.applied_current,
+            command: self.output.current,
+            limited: self.output.limited,
+            record: self.control.record(),
+        }
+    }
+}
+
+/// Closes the loop for a while, without allocating in it; the fault that stopped the drive, and when (s).
+///
+/// * `plant`: what is there, and the control periods by which the current comes late
+/// * `look`: shown every control period
+///
+/// # Errors
+/// [`Error::Simulation`] when the motion or a command is no longer finite.
+pub(crate) fn follow(
+    control: &mut dyn Control,
+    (file, late): (&PlantFile, usize),
+    scenario: &Scenario,
+    time: Time,
+    mut look: impl FnMut(&Instant<'_>),
+) -> Result<Option<(f64, Fault)>> {
+    let mut plant = Plant::new(file, time.period);
+    plant.start_from(&scenario.initial_state(plant.chain()));
+    let mut fault = None;
+    let mut applied_current = 0.0;
+    // One more than are on the way, so that the one that comes next has room.
+    let mut on_the_way = VecDeque::with_capacity(late + 1);
+    on_the_way.extend(std::iter::repeat_n(0.0, late));
+    for k in 0..time.periods {
+        let time = k as f64 * time.period;
+        let count = plant.count();
+        let output = control.step(count, plant.state(), applied_current)?;
+        let found = control.found();
+        if let (None, Some(Mode::Fault(new))) = (fault, found.map(|found| found.mode)) {
+            fault = Some((time, new));
+        }
+        look(&Instant {
+            time,
+            count,
+            applied_current,
+            plant: &plant,
+            control: &*control,
+            output: &output,
+            found,
+        });
+        plant.enable(output.enable);
+        on_the_way.push_back(output.current);
+        plant.advance(on_the_way.pop_front().unwrap_or(output.current))?;
+        applied_current = output.current;
+    }
+    Ok(fault)
 }
 
 /// What a control law says for one period.
@@ -205,14 +329,22 @@ pub(crate) struct ControlOutput {
     pub(crate) limited: bool,
     /// m.
     pub(crate) reference: f64,
-    /// What the core found.
-    pub(crate) record: Option<Record>,
 }
 
 /// A control law in simulation.
 pub(crate) trait Control {
     /// One period: encoder counter, true state, current that the law takes for applied.
     fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<ControlOutput>;
+
+    /// What the core found in the last period, lent; nothing of another law.
+    fn found(&self) -> Option<Found<'_>> {
+        None
+    }
+
+    /// The same in full.
+    fn record(&self) -> Option<Record> {
+        None
+    }
 }
 
 /// A control law that can be asked for something on its way.
@@ -283,7 +415,7 @@ pub fn commission(core: &mut dyn Corridor, file: &PlantFile, period: f64) -> Res
         });
         current = command.current;
         plant.enable(command.enable);
-        match core.record().mode {
+        match core.found().mode {
             Mode::Ready => return Ok(Place(plant.place())),
             Mode::Fault(fault) => {
                 let number = fault.number();
@@ -311,21 +443,27 @@ impl Control for Core<'_> {
             current: Current(applied as f32),
             home: false,
         });
-        let record = self.0.record();
         Ok(ControlOutput {
             current: command.current.0.into(),
             enable: command.enable,
             limited: command.limited,
-            reference: record.reference.into(),
-            record: Some(record),
+            reference: self.0.found().reference.into(),
         })
+    }
+
+    fn found(&self) -> Option<Found<'_>> {
+        Some(self.0.found())
+    }
+
+    fn record(&self) -> Option<Record> {
+        Some(self.0.record())
     }
 }
 
 /// `i = i_ff − K (x − x_ref)` on the true state, through the same moves and the same limiter.
 pub(crate) struct FullState<'d> {
     gain: nalgebra::RowDVector<f64>,
-    limits: Limits,
+    limiter: Limiter,
     player: Box<dyn Play + 'd>,
     friction: FrictionFeedForward,
     force_constant: f64,
@@ -337,7 +475,7 @@ impl<'d> FullState<'d> {
         player.ask(scenario.request(design.drive.encoder.resolution));
         Ok(Self {
             gain: design.regulator.clone(),
-            limits: design.limits(),
+            limiter: design.limits().limiter(),
             player,
             friction: design.friction(),
             force_constant: design.chain.force_constant,
@@ -356,9 +494,13 @@ impl Control for FullState<'_> {
     fn step(&mut self, _: u32, truth: &DVector<f64>, _: f64) -> Result<ControlOutput> {
         let reference = self.player.step()?;
         let friction = f64::from(self.friction.step(reference.velocity).0) / self.force_constant;
-        let feedback = (&self.gain * (truth - &reference.state)).x;
+        let errors = truth.iter().zip(reference.state);
+        let feedback = dot(
+            &self.gain,
+            errors.map(|(truth, reference)| truth - reference),
+        );
         let current = reference.feed_forward + friction - feedback;
-        let limited = self.limits.step(Current(current as f32)).ok_or_else(|| {
+        let limited = self.limiter.step(Current(current as f32)).ok_or_else(|| {
             Error::Simulation("feedback of the true state is no longer finite".into())
         })?;
         Ok(ControlOutput {
@@ -366,7 +508,6 @@ impl Control for FullState<'_> {
             enable: true,
             limited: limited.limited,
             reference: reference.state[0],
-            record: None,
         })
     }
 }

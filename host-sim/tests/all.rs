@@ -15,3 +15,4 @@ mod misleading;
 mod moves;
 mod record;
 mod simulate_move;
+mod streamed_figures;

@@ -8,10 +8,11 @@ use super::guide::Guide;
 use crate::design::Design;
 use crate::design::observer::kalman;
 use crate::error::{Error, Result};
+use crate::linear::product::{add, dot, product_and};
 use crate::linear::zoh::zero_order_hold;
 use crate::simulate::{Control, ControlOutput};
 use arso_core::encoder::{self, Encoder};
-use arso_core::limits::Limits;
+use arso_core::limits::Limiter;
 use arso_core::{Counts, Current};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
@@ -30,11 +31,13 @@ pub(crate) struct EncoderObserver<'d> {
     input: DVector<f64>,
     correction: DVector<f64>,
     state: DVector<f64>,
+    /// Where the next one is formed.
+    next: DVector<f64>,
     feedback: RowDVector<f64>,
     guide: Guide<'d>,
     /// Of the current that is applied now, what friction was given, A.
     friction: f64,
-    limits: Limits,
+    limiter: Limiter,
     encoder: (Encoder, encoder::Memory),
 }
 
@@ -70,10 +73,11 @@ impl<'d> EncoderObserver<'d> {
             input,
             correction,
             state: DVector::zeros(n + 1),
+            next: DVector::zeros(n + 1),
             feedback,
             guide,
             friction: 0.0,
-            limits: design.limits(),
+            limiter: design.limits().limiter(),
             encoder: (design.encoder(), encoder::Memory::default()),
         })
     }
@@ -83,17 +87,23 @@ impl Control for EncoderObserver<'_> {
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let reading = self.encoder.0.step(&mut self.encoder.1, Counts(count));
         let position = self.encoder.0.position(reading.place);
-        let predicted = &self.transition * &self.state + &self.input * (applied - self.friction);
-        let innovation = f64::from(position.0) - predicted[0];
-        self.state = predicted + &self.correction * innovation;
+        let input = (applied - self.friction, &self.input);
+        product_and(&self.transition, &self.state, input, &mut self.next);
+        let innovation = f64::from(position.0) - self.next[0];
+        add(innovation, &self.correction, &mut self.next);
+        std::mem::swap(&mut self.state, &mut self.next);
         let led = self.guide.step()?;
-        let mut error = self.state.clone();
-        let mut of_chain = error.rows_mut(0, led.state.len());
-        of_chain -= &led.state;
+        // The disturbance has no reference.
+        let references = led.state.iter().copied().chain([0.0]);
+        let errors = self.state.iter().zip(references);
+        let feedback = dot(
+            &self.feedback,
+            errors.map(|(state, reference)| state - reference),
+        );
         self.friction = led.friction;
-        let command = (&self.feedback * error).x + led.feed_forward + led.friction;
+        let command = feedback + led.feed_forward + led.friction;
         let limited = self
-            .limits
+            .limiter
             .step(Current(command as f32))
             .ok_or_else(|| Error::Simulation("the encoder's filter is no longer finite".into()))?;
         Ok(ControlOutput {
@@ -101,7 +111,6 @@ impl Control for EncoderObserver<'_> {
             enable: true,
             limited: limited.limited,
             reference: led.state[0],
-            record: None,
         })
     }
 }

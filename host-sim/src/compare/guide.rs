@@ -20,9 +20,9 @@ use arso_core::friction::FrictionFeedForward;
 use nalgebra::DVector;
 
 /// What a law is led by in one period.
-pub(super) struct Led {
+pub(super) struct Led<'g> {
     /// State `x_a v_a x_1 v_1 …`, m and m/s.
-    pub(super) state: DVector<f64>,
+    pub(super) state: &'g DVector<f64>,
     /// Distance by which the measured motion is to be taken less, m.
     pub(super) displacement: f64,
     /// Velocity that the motion ought to have beside that, m/s.
@@ -55,7 +55,8 @@ struct Shaped {
     parts: Vec<(f64, f64)>,
     ramp: f64,
     target: f64,
-    states: usize,
+    /// Reference of every state in the last period.
+    state: DVector<f64>,
     samples: u32,
 }
 
@@ -92,7 +93,7 @@ impl<'d> Guide<'d> {
             parts,
             ramp: reference.map_or(1.0, |shaped| (shaped.ramp / period).max(1.0)),
             target: scenario.target,
-            states: design.chain.states(),
+            state: DVector::zeros(design.chain.states()),
             samples: 0,
         };
         Self::new(design, Source::Shaped(shaped), scenario)
@@ -124,16 +125,17 @@ impl<'d> Guide<'d> {
     }
 
     /// One period.
-    pub(super) fn step(&mut self) -> Result<Led> {
+    pub(super) fn step(&mut self) -> Result<Led<'_>> {
         let (state, velocity, feed_forward) = match &mut self.source {
             Source::Shaped(shaped) => {
                 // The first sample already sees the first part of the ramp, as a step is seen.
                 shaped.samples += 1;
                 let (position, velocity) = shaped.reference(f64::from(shaped.samples));
                 let velocity = velocity / self.period;
-                let each = |row, _| if row % 2 == 0 { position } else { velocity };
-                let state = DVector::from_fn(shaped.states, each);
-                (state, Some(velocity), 0.0)
+                for (row, state) in shaped.state.iter_mut().enumerate() {
+                    *state = if row % 2 == 0 { position } else { velocity };
+                }
+                (&shaped.state, Some(velocity), 0.0)
             }
             Source::Plan(player) => {
                 let instant = player.step()?;

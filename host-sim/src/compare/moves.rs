@@ -29,7 +29,7 @@ use crate::error::Result;
 use crate::output::Progress;
 use crate::simulate::bound::{Bound, bound, times};
 use crate::simulate::scenario::{Approach, SCENARIOS, Scenario};
-use crate::simulate::{Core, FullState, Law, close_loop};
+use crate::simulate::{Core, FullState, Time};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -230,11 +230,10 @@ pub fn campaign(
             progress(done, count, &format!("{law}, {}", set.name()));
             let run = |case: &Case| -> Result<Figures> {
                 let mut control = make(case)?;
-                let (law, plant) = (Law::Rival(law), (&case.plant, case.late));
-                let time = (period, length);
-                let run = close_loop(law, control.as_mut(), plant, scenario, time)?;
-                let tolerance = design.motion.settling_tolerance;
-                Figures::new(&run, tolerance, still_after)
+                let plant = (&case.plant, case.late);
+                let time = Time::new(period, length);
+                let judged_by = (design.motion.settling_tolerance, still_after);
+                Figures::measure(control.as_mut(), plant, scenario, time, judged_by)
             };
             let figures: Vec<Result<Figures>> = plants.par_iter().map(run).collect();
             on.push(OnPlants::new(law, &figures, &bounds));

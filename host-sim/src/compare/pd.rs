@@ -17,7 +17,7 @@ use crate::simulate::{Control, ControlOutput};
 use arso_core::actuator::Actuator;
 use arso_core::disturbance::{self, DisturbanceObserver};
 use arso_core::encoder::{self, Encoder};
-use arso_core::limits::Limits;
+use arso_core::limits::Limiter;
 use arso_core::{Counts, Current};
 use nalgebra::DVector;
 
@@ -82,7 +82,7 @@ impl Settings {
 pub(crate) struct Pd<'d> {
     settings: Settings,
     guide: Guide<'d>,
-    limits: Limits,
+    limiter: Limiter,
     encoder: (Encoder, encoder::Memory),
     filter: (DisturbanceObserver, disturbance::Memory),
     notch: Option<Notch>,
@@ -105,7 +105,7 @@ impl<'d> Pd<'d> {
         Self {
             settings,
             guide,
-            limits: design.limits(),
+            limiter: design.limits().limiter(),
             encoder: (design.encoder(), encoder::Memory::default()),
             filter: observer(&actuator, control.disturbance_cutoff),
             notch: settings
@@ -143,7 +143,7 @@ impl Control for Pd<'_> {
         }
         self.fed = led.feed_forward + led.friction;
         let limited = self
-            .limits
+            .limiter
             .step(Current((command + self.fed) as f32))
             .ok_or_else(|| Error::Simulation("the PD law is no longer finite".into()))?;
         Ok(ControlOutput {
@@ -151,7 +151,6 @@ impl Control for Pd<'_> {
             enable: true,
             limited: limited.limited,
             reference: led.state[0],
-            record: None,
         })
     }
 }

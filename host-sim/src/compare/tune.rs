@@ -16,9 +16,8 @@
 //! at the end by `m`, more than the tolerance `m_0` of rest, adds `h = ln(m / m_0)` tenths of the run. All times
 //! are in control periods: nothing here knows a second.
 
-use crate::simulate::Run;
-use crate::simulate::ending::{Ending, Motion};
-use crate::simulate::metrics::{controlled, settled_after};
+use crate::simulate::ending::{EndingMeter, Motion};
+use crate::simulate::metrics::{Frame, HELD, Seen, controlled};
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -55,19 +54,102 @@ pub(super) enum Moving {
     Lasting,
 }
 
-/// Criterion of one run, in control periods.
-pub(super) fn criterion(run: &Run, moving: Moving) -> f64 {
-    let length = run.samples.len() as f64;
-    let times = BANDS.iter().map(|band| settled_after(run, *band));
-    let off = |distance: f64| length * (2.0 + distance.min(1.0));
-    let sum: f64 = times.map(|time| time.unwrap_or_else(off)).sum();
-    let end = Ending::new(run, controlled(run));
-    let left = if moving == Moving::Any || end.state == Motion::Hunting {
-        (end.largest() / end.tolerance).max(1.0).ln()
-    } else {
-        0.0
-    };
-    sum / BANDS.len() as f64 + 0.1 * length * left
+/// Criterion of one run, taken while it passes.
+pub(super) struct Criterion {
+    frame: Frame,
+    moving: Moving,
+    samples: usize,
+    controlled: usize,
+    /// From start to target, m.
+    span: f64,
+    bands: [InBand; BANDS.len()],
+    /// Number of the first sample of those that would have to be held, and the sum of distances from there on, over
+    /// the span.
+    end: usize,
+    off: f64,
+    ending: EndingMeter,
+}
+
+/// The last sample outside a band: its number, the distance there and at the next one, over the span.
+#[derive(Clone, Copy, Default)]
+struct InBand {
+    last: Option<usize>,
+    before: f64,
+    after: f64,
+}
+
+impl Criterion {
+    pub(super) fn new(frame: Frame, moving: Moving) -> Self {
+        Self {
+            frame,
+            moving,
+            samples: 0,
+            controlled: 0,
+            span: frame.target,
+            bands: [InBand::default(); BANDS.len()],
+            end: frame.periods - held(&frame).min(frame.periods),
+            off: 0.0,
+            ending: EndingMeter::new(&frame),
+        }
+    }
+
+    /// The next sample.
+    pub(super) fn look(&mut self, seen: &Seen<'_>) {
+        let truth = seen.truth;
+        if self.samples == 0 {
+            self.controlled = controlled(truth.len());
+            self.span = self.frame.target - truth[self.controlled];
+        }
+        let position = truth[self.controlled];
+        let error = (position - self.frame.target) / self.span;
+        for (found, band) in self.bands.iter_mut().zip(BANDS) {
+            // Written so that what is no number is outside.
+            let inside = error.abs() <= band;
+            if !inside {
+                (found.last, found.before) = (Some(self.samples), error);
+            } else if found.last.is_some_and(|last| last + 1 == self.samples) {
+                found.after = error;
+            }
+        }
+        if self.samples >= self.end {
+            self.off += error.abs();
+        }
+        self.ending.see(seen.time, [truth[0], position]);
+        self.samples += 1;
+    }
+
+    /// The time after which the controlled mass stays within a band, read between the samples, in control periods;
+    /// what does not settle counts twice the run and more the farther it is off over the end of the run that would
+    /// have to be held.
+    fn time(&self, found: &InBand, band: f64) -> f64 {
+        let Some(last) = found.last else {
+            return 0.0;
+        };
+        if last >= self.end {
+            let off = self.off / held(&self.frame) as f64;
+            return self.frame.periods as f64 * (2.0 + off.min(1.0));
+        }
+        let (before, after) = (found.before, found.after);
+        last as f64 + (before.abs() - band) / (before - after).abs()
+    }
+
+    /// The criterion of a run that has passed, control periods.
+    pub(super) fn periods(&self) -> f64 {
+        let times = self.bands.iter().zip(BANDS);
+        let sum: f64 = times.map(|(found, band)| self.time(found, band)).sum();
+        let end = self.ending.ending();
+        let left = if self.moving == Moving::Any || end.state == Motion::Hunting {
+            (end.largest() / end.tolerance).max(1.0).ln()
+        } else {
+            0.0
+        };
+        sum / BANDS.len() as f64 + 0.1 * self.frame.periods as f64 * left
+    }
+}
+
+/// Samples at the end of a run that would have to be held.
+fn held(frame: &Frame) -> usize {
+    (HELD * frame.periods as f64).ceil() as usize
 }
 
 /// The point of a box with the least cost found, and that cost.
@@ -152,6 +234,56 @@ fn apart(space: &Space, a: &[f64], b: &[f64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::Run;
+    use crate::simulate::ending::Ending;
+    use crate::simulate::metrics::formula;
+    use proptest::prelude::*;
+
+    /// The criterion from a run that was kept, as the head of this file has it.
+    fn by_definition(run: &Run, moving: Moving) -> f64 {
+        let (n, target) = (run.samples.len(), run.scenario.target);
+        let span = target - run.samples[0].truth[4];
+        let error = |k: usize| (run.samples[k].truth[4] - target) / span;
+        let to_be_held = (0.1 * n as f64).ceil() as usize;
+        let time = |band: f64| {
+            let mut outside = (0..n).filter(|k| error(*k).abs() > band);
+            match outside.next_back() {
+                None => 0.0,
+                Some(last) if last >= n - to_be_held => {
+                    let off: f64 = (n - to_be_held..n).map(|k| error(k).abs()).sum();
+                    n as f64 * (2.0 + (off / to_be_held as f64).min(1.0))
+                }
+                Some(last) => {
+                    let (before, after) = (error(last), error(last + 1));
+                    last as f64 + (before.abs() - band) / (before - after).abs()
+                }
+            }
+        };
+        let times: f64 = [0.01, 0.014, 0.02, 0.028].map(time).iter().sum();
+        let end = Ending::new(run);
+        let counts = moving == Moving::Any || end.state == Motion::Hunting;
+        let motion = (end.motion[0].max(end.motion[1]) / end.tolerance).max(1.0);
+        times / 4.0
+            + if counts {
+                0.1 * n as f64 * motion.ln()
+            } else {
+                0.0
+            }
+    }
+
+    proptest! {
+        /// While the run passes: the same number.
+        #[test]
+        fn the_criterion_is_that_of_the_run(run in formula::runs()) {
+            for moving in [Moving::Any, Moving::Lasting] {
+                let mut criterion = Criterion::new(Frame::of(&run), moving);
+                for sample in &run.samples {
+                    criterion.look(&sample.into());
+                }
+                prop_assert_eq!(criterion.periods(), by_definition(&run, moving));
+            }
+        }
+    }
 
     /// Rosenbrock's valley has its bottom at (1, 1); that of Rastrigin lies among many others.
     #[test]

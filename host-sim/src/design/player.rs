@@ -8,9 +8,9 @@ use arso_core::{Place, Request, Velocity};
 use nalgebra::DVector;
 
 /// What the reference is in one period.
-pub(crate) struct Instant {
+pub(crate) struct Instant<'p> {
     /// State `x_a v_a x_1 v_1 …`, m and m/s.
-    pub(crate) state: DVector<f64>,
+    pub(crate) state: &'p DVector<f64>,
     /// `i_ff`, A.
     pub(crate) feed_forward: f64,
     /// Of the actuator.
@@ -26,7 +26,7 @@ pub(crate) trait Play {
     ///
     /// # Errors
     /// [`Error::Simulation`] when no move leads to what was asked for.
-    fn step(&mut self) -> Result<Instant>;
+    fn step(&mut self) -> Result<Instant<'_>>;
 }
 
 /// The moves of a design, at rest at the origin.
@@ -52,6 +52,8 @@ struct Player<'d, const N: usize> {
     /// m per count, and s.
     resolution: f64,
     period: f64,
+    /// Of the last period.
+    state: DVector<f64>,
 }
 
 impl<'d, const N: usize> Player<'d, N> {
@@ -66,6 +68,7 @@ impl<'d, const N: usize> Player<'d, N> {
             asked: None,
             resolution,
             period,
+            state: DVector::zeros(2 * N + 2),
         })
     }
 }
@@ -75,7 +78,7 @@ impl<const N: usize> Play for Player<'_, N> {
         self.asked = Some(request);
     }
 
-    fn step(&mut self) -> Result<Instant> {
+    fn step(&mut self) -> Result<Instant<'_>> {
         let directed = self
             .moves
             .direct(&mut self.memory, &mut self.asked, self.target, None);
@@ -84,7 +87,7 @@ impl<const N: usize> Play for Player<'_, N> {
         let reference = self.moves.step(&mut self.memory);
         let position = self.target.0 as f64 * self.resolution + f64::from(reference.position.0);
         let velocity = f64::from(reference.displacement) / self.period;
-        let mut state = DVector::zeros(2 * N + 2);
+        let state = &mut self.state;
         (state[0], state[1]) = (position, velocity);
         for load in 0..N {
             state[2 * load + 2] = position + f64::from(reference.deflection[load]);

@@ -122,14 +122,9 @@ impl Late {
         }
     }
 
-    /// Adds to a state what the force does over a period, the commands in effect being `before` and `after`.
-    pub(super) fn add(
-        &self,
-        (before, after): (f64, f64),
-        held: &DVector<f64>,
-        state: &mut DVector<f64>,
-    ) {
-        state.axpy(before, held, 1.0);
+    /// Adds to a state what the force does over a period beyond `before`, the commands in effect being `before` and
+    /// `after`.
+    pub(super) fn add(&self, (before, after): (f64, f64), state: &mut DVector<f64>) {
         state.axpy(self.force - before, &self.fading, 1.0);
         state.axpy(after - before, &self.turned, 1.0);
     }

@@ -9,7 +9,7 @@
 use super::friction::DryFriction;
 use super::late::Late;
 use super::mechanics::Mechanics;
-use crate::linear::product::{add, product};
+use crate::linear::product::{add, product_and};
 use crate::linear::zoh::zero_order_hold;
 use nalgebra::{DMatrix, DVector};
 
@@ -139,18 +139,23 @@ impl Motion {
                 Some(commands)
             }
         };
-        product(&self.transition, &self.state, &mut self.next);
-        if let (Some(late), Some(commands)) = (&self.late, commands) {
-            late.add(commands, &self.frictions[0].response, &mut self.next);
-        }
-        for (number, rubbing) in self.frictions.iter().enumerate() {
+        let sliding = |rubbing: &Rubbing| {
             let before = self.state[rubbing.velocity];
-            let friction = rubbing.dry.sliding(before) * before.signum();
-            let newton = match commands {
-                None if number == 0 => force - friction,
-                _ => -friction,
-            };
-            add(newton, &rubbing.response, &mut self.next);
+            rubbing.dry.sliding(before) * before.signum()
+        };
+        let (actuator, loads) = self.frictions.split_at(1);
+        let (state, next) = (&self.state, &mut self.next);
+        if let (Some(late), Some(commands)) = (&self.late, commands) {
+            let held = (commands.0, &actuator[0].response);
+            product_and(&self.transition, state, held, next);
+            late.add(commands, next);
+            add(-sliding(&actuator[0]), &actuator[0].response, next);
+        } else {
+            let newton = (force - sliding(&actuator[0]), &actuator[0].response);
+            product_and(&self.transition, state, newton, next);
+        }
+        for rubbing in loads {
+            add(-sliding(rubbing), &rubbing.response, next);
         }
         let slide = |rubbing: &Rubbing| {
             let velocity = rubbing.velocity;
@@ -196,8 +201,13 @@ impl Motion {
         }
         for part in 0..parts {
             let motor = self.late.as_mut().map_or(force, Late::part);
-            product(&self.part_transition, &self.state, &mut self.next);
-            add(motor, &self.frictions[0].part_response, &mut self.next);
+            let response = &self.frictions[0].part_response;
+            product_and(
+                &self.part_transition,
+                &self.state,
+                (motor, response),
+                &mut self.next,
+            );
             external(part, &self.state, &mut self.next);
             self.rub();
             std::mem::swap(&mut self.state, &mut self.next);

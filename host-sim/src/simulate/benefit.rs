@@ -6,7 +6,7 @@ use super::bound::{Bound, bound_from};
 use super::metrics::Metrics;
 use super::scenario::Scenario;
 use super::sequence::MoveSequence;
-use super::watch::watched_moves;
+use super::watch::measure_moves;
 use crate::design::Design;
 use crate::design::assessment::require_sound_at_first_look;
 use crate::drive::PlantFile;
@@ -65,9 +65,11 @@ impl Benefit {
 /// A planned move, watched after its end, and its distance in whole counts, m.
 fn moved(design: &Design, plant: &PlantFile, distance: f64) -> Result<(Metrics, f64)> {
     let sequence = MoveSequence::new(design, &[distance], &[])?;
-    let (_, parts) = watched_moves(design, plant, &sequence, Law::Core, sequence.duration())?;
-    let metrics = parts.into_iter().next_back().map(|part| part.1);
-    let metrics = metrics.ok_or_else(|| Error::Simulation("there was no move".into()))?;
+    let metrics = measure_moves(design, plant, &sequence, Law::Core, sequence.duration())?;
+    let metrics = metrics
+        .into_iter()
+        .next_back()
+        .ok_or_else(|| Error::Simulation("there was no move".into()))?;
     let distance = sequence
         .moves()
         .first()

@@ -13,7 +13,7 @@ use crate::machine::Kind;
 use arso_core::link::image::{DISPLACEMENTS, Header, NoSet, ROOM, Settled};
 use arso_core::observer::{Anchored, LinearObserver, Reaction, StateObserver};
 use arso_core::{
-    Command, Controller, Excitation, Measurement, Refusal, Request, SettingsError, Telemetry,
+    Command, Controller, Excitation, Measurement, Mode, Refusal, Request, SettingsError, Telemetry,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -32,16 +32,42 @@ pub trait Corridor {
     fn step(&mut self, measurement: Measurement) -> Command;
     /// What the last period found.
     fn record(&self) -> Record;
+    /// The part of it that figures are made of, lent.
+    fn found(&self) -> Found<'_>;
 }
 
 /// A telemetry record of any size.
 pub type Record = Telemetry<Vec<f32>>;
 
-/// Estimated state `x_a v_a x_1 v_1 …` of a record, m and m/s.
-pub fn estimate(record: &Record) -> impl Iterator<Item = f64> {
-    let columns = record.columns();
-    let of_a_mass = columns.filter(|column| column.mass.is_some());
-    of_a_mass.map(|column| column.value)
+/// What a period found, without a copy.
+#[derive(Clone, Copy, Debug)]
+pub struct Found<'c> {
+    /// What the drive does after it.
+    pub mode: Mode,
+    /// Reference position, m.
+    pub reference: f32,
+    /// Estimated position of the actuator, m.
+    pub position: f32,
+    /// Of each load, m.
+    pub load_position: &'c [f32],
+}
+
+impl<'c> Found<'c> {
+    /// What a record says.
+    pub fn of<L: AsRef<[f32]>>(record: &'c Telemetry<L>) -> Self {
+        Self {
+            mode: record.mode,
+            reference: record.reference,
+            position: record.position,
+            load_position: record.load_position.as_ref(),
+        }
+    }
+
+    /// Estimated positions `x_a x_1 …`, m.
+    pub fn positions(&self) -> impl Iterator<Item = f64> {
+        let all = std::iter::once(&self.position).chain(self.load_position);
+        all.map(|position| f64::from(*position))
+    }
 }
 
 impl<const N: usize, O: StateObserver<N> + Clone> Corridor for Controller<'_, N, O> {
@@ -55,6 +81,10 @@ impl<const N: usize, O: StateObserver<N> + Clone> Corridor for Controller<'_, N,
 
     fn record(&self) -> Record {
         self.telemetry().map(|loads| loads.to_vec())
+    }
+
+    fn found(&self) -> Found<'_> {
+        Found::of(self.telemetry())
     }
 }
 

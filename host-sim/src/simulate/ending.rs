@@ -3,7 +3,8 @@
 //! A settling time says when a mass was last outside its band. A mass that hunts within the band for ever, or
 //! whose actuator does, has one all the same; so what is left at the end is looked at by itself.
 
-use super::{Run, Sample};
+use super::Run;
+use super::metrics::{Frame, controlled};
 use serde::Serialize;
 
 /// The last part of a run that is looked at, as a share of it.
@@ -49,31 +50,14 @@ pub struct Ending {
 
 impl Ending {
     /// Looks at the end of a run.
-    ///
-    /// * `controlled`: element of the state that is the controlled mass's position
     #[must_use]
-    pub fn new(run: &Run, controlled: usize) -> Self {
-        let samples = &run.samples;
-        let last = samples.last().map_or(0.0, |sample| sample.time);
-        let from = last - SHARE * last;
-        let end = &samples[samples.partition_point(|sample| sample.time < from)..];
-        let target = run.scenario.target;
-        let tolerance = STILL.max(STILL_COUNTS * run.resolution);
-        let elements = [0, controlled];
-        let motion = elements.map(|element| peak_to_peak(end, element));
-        Self {
-            from: end.first().map_or(0.0, |sample| sample.time),
-            offset: elements.map(|element| mean(end, element) - target),
-            motion,
-            tolerance,
-            state: if motion[0] > tolerance && lasts(end) {
-                Motion::Hunting
-            } else if motion.iter().any(|motion| *motion > tolerance) {
-                Motion::Moving
-            } else {
-                Motion::Rest
-            },
+    pub fn new(run: &Run) -> Self {
+        let mut meter = EndingMeter::new(&Frame::of(run));
+        for sample in &run.samples {
+            let truth = &sample.truth;
+            meter.see(sample.time, [truth[0], truth[controlled(truth.len())]]);
         }
+        meter.ending()
     }
 
     /// The larger of the motions, m.
@@ -83,35 +67,148 @@ impl Ending {
     }
 }
 
-/// Whether the actuator's motion goes on and gets nowhere. A load that rings while the actuator stands still
-/// only takes its time.
-fn lasts(end: &[Sample]) -> bool {
-    let (before, after) = end.split_at(end.len() / 2);
-    let drift = (mean(after, 0) - mean(before, 0)).abs();
-    let lasting = peak_to_peak(after, 0) >= LASTING * peak_to_peak(before, 0);
-    lasting && drift <= DRIFT * peak_to_peak(end, 0)
+/// Looks at the end of a run while it passes, in a memory of fixed size.
+#[derive(Clone, Debug)]
+pub(crate) struct EndingMeter {
+    target: f64,
+    tolerance: f64,
+    /// Number of samples of the run, and how many have passed.
+    of: usize,
+    passed: usize,
+    /// From when on the end is looked at, s, and its first sample: number and time.
+    from: f64,
+    first: Option<(usize, f64)>,
+    /// Actuator and controlled mass over the whole end, and the actuator over either half of it.
+    both: [Stretch; 2],
+    halves: [Stretch; 2],
+}
+
+impl EndingMeter {
+    /// For a run.
+    pub(crate) fn new(frame: &Frame) -> Self {
+        Self {
+            target: frame.target,
+            tolerance: STILL.max(STILL_COUNTS * frame.resolution),
+            of: frame.periods,
+            passed: 0,
+            from: frame.last - SHARE * frame.last,
+            first: None,
+            both: [Stretch::default(); 2],
+            halves: [Stretch::default(); 2],
+        }
+    }
+
+    /// The next sample: its time, s, and where actuator and controlled mass are, m.
+    #[inline]
+    pub(crate) fn see(&mut self, time: f64, positions: [f64; 2]) {
+        if time >= self.from {
+            let first = self.first.get_or_insert((self.passed, time)).0;
+            for (stretch, position) in self.both.iter_mut().zip(positions) {
+                stretch.see(position);
+            }
+            let half = (self.of - first) / 2;
+            let half = usize::from(self.passed - first >= half);
+            self.halves[half].see(positions[0]);
+        }
+        self.passed += 1;
+    }
+
+    /// The end of a run that has passed.
+    pub(crate) fn ending(&self) -> Ending {
+        let motion = self.both.map(|stretch| stretch.extent.peak_to_peak());
+        Ending {
+            from: self.first.map_or(0.0, |(_, time)| time),
+            offset: self.both.map(|stretch| stretch.mean() - self.target),
+            motion,
+            tolerance: self.tolerance,
+            state: if motion[0] > self.tolerance && self.lasts() {
+                Motion::Hunting
+            } else if motion.iter().any(|motion| *motion > self.tolerance) {
+                Motion::Moving
+            } else {
+                Motion::Rest
+            },
+        }
+    }
+
+    /// Whether the actuator's motion goes on and gets nowhere. A load that rings while the actuator stands still
+    /// only takes its time.
+    fn lasts(&self) -> bool {
+        let [before, after] = &self.halves;
+        let drift = (after.mean() - before.mean()).abs();
+        let lasting = after.extent.peak_to_peak() >= LASTING * before.extent.peak_to_peak();
+        lasting && drift <= DRIFT * self.both[0].extent.peak_to_peak()
+    }
+}
+
+/// The ends of a motion, m.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+}
+
+impl Default for Extent {
+    fn default() -> Self {
+        Self {
+            low: f64::MAX,
+            high: f64::MIN,
+        }
+    }
+}
+
+impl Extent {
+    /// One more position, m; what is no number is none.
+    #[inline]
+    pub(crate) fn see(&mut self, x: f64) {
+        // A comparison where `f64::min` would take two.
+        self.low = if x < self.low { x } else { self.low };
+        self.high = if x > self.high { x } else { self.high };
+    }
+
+    /// The distance between them, m; 0 of no motion.
+    pub(crate) fn peak_to_peak(&self) -> f64 {
+        (self.high - self.low).max(0.0)
+    }
 }
 
 /// Distance between the ends of the motion of one element of the state, m.
-pub(crate) fn peak_to_peak(samples: &[Sample], element: usize) -> f64 {
-    let positions = samples.iter().map(|sample| sample.truth[element]);
-    let (low, high) = positions.fold((f64::MAX, f64::MIN), |(low, high), x| {
-        (low.min(x), high.max(x))
-    });
-    (high - low).max(0.0)
+#[cfg(test)]
+pub(crate) fn peak_to_peak(samples: &[super::Sample], element: usize) -> f64 {
+    let mut extent = Extent::default();
+    for sample in samples {
+        extent.see(sample.truth[element]);
+    }
+    extent.peak_to_peak()
 }
 
-fn mean(samples: &[Sample], element: usize) -> f64 {
-    let sum: f64 = samples.iter().map(|sample| sample.truth[element]).sum();
-    sum / samples.len().max(1) as f64
+/// A motion over some samples: its ends and its mean.
+#[derive(Clone, Copy, Debug, Default)]
+struct Stretch {
+    extent: Extent,
+    sum: f64,
+    samples: usize,
+}
+
+impl Stretch {
+    #[inline]
+    fn see(&mut self, x: f64) {
+        self.extent.see(x);
+        self.sum += x;
+        self.samples += 1;
+    }
+
+    fn mean(&self) -> f64 {
+        self.sum / self.samples.max(1) as f64
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::machine::Kind;
-    use crate::simulate::Law;
     use crate::simulate::scenario::Scenario;
+    use crate::simulate::{Law, Sample};
     use nalgebra::DVector;
 
     /// Runs of 1.2 s in which the load moves by a formula around 30 mm, and so does the actuator, or it stands
@@ -145,7 +242,7 @@ mod tests {
             samples: samples.collect(),
             fault: None,
         };
-        Ending::new(&run, 2)
+        Ending::new(&run)
     }
 
     #[test]

@@ -1,11 +1,17 @@
 //! What a run is judged by.
 
-use super::corridor::estimate;
-use super::ending::{Ending, Motion, peak_to_peak};
+use super::corridor::Found;
+use super::ending::{Ending, EndingMeter, Extent, Motion};
 use crate::chain::controlled_mass;
-use crate::drive::SETTLING_BAND;
-use crate::simulate::{Run, Sample};
+use crate::design::settling_tolerance;
+use crate::drive::{MAX_LOADS, PlantFile, SETTLING_BAND};
+use crate::simulate::scenario::Scenario;
+use crate::simulate::{Run, Sample, Time};
+use arso_core::Fault;
 use serde::Serialize;
+
+/// Most masses of a chain.
+const MASSES: usize = MAX_LOADS + 1;
 
 /// A mass that enters the band in the last part of the run, this share of it, may well leave it again
 /// and does not count as settled.
@@ -47,36 +53,127 @@ pub struct Metrics {
     pub fault_time: Option<f64>,
 }
 
-/// Element of the state that is the controlled mass's position.
-pub(crate) fn controlled(run: &Run) -> usize {
-    motion(run).0
+/// What a meter is told of a run before it begins.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame {
+    /// Where it is sent, m.
+    pub(crate) target: f64,
+    /// What the plant's encoder can tell apart, m.
+    pub(crate) resolution: f64,
+    /// How far from the target counts as there, m.
+    pub(crate) settling_tolerance: f64,
+    /// How many control periods it has.
+    pub(crate) periods: usize,
+    /// Start of the last one, s.
+    pub(crate) last: f64,
 }
 
-/// Column of the controlled mass's position, its target and the span of its motion, m.
-fn motion(run: &Run) -> (usize, f64, f64) {
-    let masses = run
-        .samples
-        .first()
-        .map_or(0, |sample| sample.truth.len() / 2);
-    let controlled = 2 * controlled_mass(masses.saturating_sub(1));
-    let target = run.scenario.target;
-    let start = run
-        .samples
-        .first()
-        .map_or(0.0, |sample| sample.truth[controlled]);
-    (controlled, target, target - start)
+impl Frame {
+    /// Of an experiment on a plant under any law; its tolerance is that of a drive which states none.
+    pub(crate) fn on(plant: &PlantFile, scenario: &Scenario, time: Time) -> Self {
+        let resolution = plant.encoder.resolution;
+        Self {
+            target: scenario.target,
+            resolution,
+            settling_tolerance: settling_tolerance(resolution),
+            periods: time.periods,
+            last: time.last(),
+        }
+    }
+
+    /// The same, held against another tolerance, m.
+    pub(crate) fn with_tolerance(self, settling_tolerance: f64) -> Self {
+        Self {
+            settling_tolerance,
+            ..self
+        }
+    }
+
+    /// So many periods of it.
+    pub(crate) fn of_periods(self, time: Time) -> Self {
+        Self {
+            periods: time.periods,
+            last: time.last(),
+            ..self
+        }
+    }
+
+    /// Of a run that was kept.
+    pub(crate) fn of(run: &Run) -> Self {
+        Self {
+            target: run.scenario.target,
+            resolution: run.resolution,
+            settling_tolerance: run.settling_tolerance,
+            periods: run.samples.len(),
+            last: run.samples.last().map_or(0.0, |sample| sample.time),
+        }
+    }
+
+    /// Whether a run may still leave again what it is inside from a sample on: when that comes in its last part.
+    fn holds(&self, from: usize) -> bool {
+        (self.periods - from) as f64 >= HELD * self.periods as f64
+    }
 }
 
-/// Time after which the controlled mass stays within a band around its target, s; none when it does
-/// not settle within the run, or only at its end.
-///
-/// * `band`: half width over the span of the motion
-#[must_use]
-pub fn settling_time(run: &Run, band: f64) -> Option<f64> {
-    let (controlled, target, span) = motion(run);
-    // Written so that what is no number is outside.
-    let inside = |x: f64| (x - target).abs() <= band * span.abs();
-    held_from(run, |sample| inside(sample.truth[controlled]))
+/// One control period, as much of it as figures are made of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen<'s> {
+    /// Start, s.
+    pub(crate) time: f64,
+    /// True state `x_a v_a x_1 v_1 …`, m and m/s.
+    pub(crate) truth: &'s [f64],
+    /// Current commanded, A.
+    pub(crate) command: f64,
+    /// What the core found.
+    pub(crate) found: Option<Found<'s>>,
+}
+
+impl<'s> From<&'s Sample> for Seen<'s> {
+    fn from(sample: &'s Sample) -> Self {
+        Self {
+            time: sample.time,
+            truth: sample.truth.as_slice(),
+            command: sample.command,
+            found: sample.record.as_ref().map(Found::of),
+        }
+    }
+}
+
+/// Element of the state that is the controlled mass's position, of a state of so many.
+pub(crate) fn controlled(states: usize) -> usize {
+    2 * controlled_mass((states / 2).saturating_sub(1))
+}
+
+/// From which sample on every one is inside.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Stay {
+    samples: usize,
+    /// Number of that sample, and its time, s.
+    since: Option<(usize, f64)>,
+}
+
+impl Stay {
+    /// One sample.
+    #[inline]
+    pub(crate) fn see(&mut self, time: f64, inside: bool) {
+        if !inside {
+            self.since = None;
+        } else if self.since.is_none() {
+            self.since = Some((self.samples, time));
+        }
+        self.samples += 1;
+    }
+
+    /// The time of that sample, s.
+    pub(crate) fn from(&self) -> Option<f64> {
+        Some(self.since?.1)
+    }
+
+    /// The same; none when it is only so at the end of the run.
+    pub(crate) fn held(&self, frame: &Frame) -> Option<f64> {
+        let (from, time) = self.since?;
+        frame.holds(from).then_some(time)
+    }
 }
 
 /// Time after which controlled mass and actuator stay within a distance of the target, s; none when they do not
@@ -85,114 +182,181 @@ pub fn settling_time(run: &Run, band: f64) -> Option<f64> {
 /// * `tolerance`: m
 #[must_use]
 pub fn within(run: &Run, tolerance: f64) -> Option<f64> {
-    held_from(run, both_within(run, tolerance))
-}
-
-/// The same, whether or not that is only so at the end of the run.
-pub(crate) fn within_from(run: &Run, tolerance: f64) -> Option<f64> {
-    let from = stays_from(&run.samples, both_within(run, tolerance));
-    run.samples.get(from).map(|sample| sample.time)
+    let mut stay = Stay::default();
+    for sample in &run.samples {
+        let inside = both_within(sample.truth.as_slice(), run.scenario.target, tolerance);
+        stay.see(sample.time, inside);
+    }
+    stay.held(&Frame::of(run))
 }
 
 /// Whether actuator and controlled mass are within a tolerance of the target, m.
-fn both_within(run: &Run, tolerance: f64) -> impl Fn(&Sample) -> bool {
-    let (controlled, target, _) = motion(run);
+pub(crate) fn both_within(truth: &[f64], target: f64, tolerance: f64) -> bool {
     // Written so that what is no number is outside.
-    let inside = move |x: f64| (x - target).abs() <= tolerance;
-    move |sample| inside(sample.truth[0]) && inside(sample.truth[controlled])
+    let inside = |x: f64| (x - target).abs() <= tolerance;
+    inside(truth[0]) && inside(truth[controlled(truth.len())])
 }
 
-/// Time from which on every sample is inside, s; none when that is only so at the end of the run.
-fn held_from(run: &Run, inside: impl Fn(&Sample) -> bool) -> Option<f64> {
-    let samples = &run.samples;
-    let settled = stays_from(samples, inside);
-    let held = (samples.len() - settled) as f64 >= HELD * samples.len() as f64;
-    samples
-        .get(settled)
-        .filter(|_| held)
-        .map(|sample| sample.time)
-}
-
-/// Number of the sample from which on every one is inside; of none, how many there are.
-fn stays_from(samples: &[Sample], inside: impl Fn(&Sample) -> bool) -> usize {
-    let outside = samples.iter().rposition(|sample| !inside(sample));
-    outside.map_or(0, |last| last + 1)
-}
-
-/// The same between the samples, in control periods; where it does not settle, its mean distance from the
-/// target over the end of the run that would have to be held, over the span.
+/// Figures of a run, taken while it passes, in a memory of fixed size.
 ///
-/// # Errors
-/// That distance.
-pub(crate) fn settled_after(run: &Run, band: f64) -> Result<f64, f64> {
-    let (controlled, target, span) = motion(run);
-    let samples = &run.samples;
-    let error = |k: usize| (samples[k].truth[controlled] - target) / span;
-    let Some(last) = (0..samples.len()).rev().find(|k| {
-        // Written so that what is no number is outside.
-        let inside = error(*k).abs() <= band;
-        !inside
-    }) else {
-        return Ok(0.0);
-    };
-    let held = (HELD * samples.len() as f64).ceil() as usize;
-    let end = samples.len() - held.min(samples.len());
-    if last >= end {
-        let off: f64 = (end..samples.len()).map(|k| error(k).abs()).sum();
-        return Err(off / held as f64);
+/// What is measured from the time on at which the controlled mass is inside its band for good begins anew with
+/// every sample outside: nobody has to know that time before.
+#[derive(Clone, Debug)]
+pub(crate) struct Meter {
+    frame: Frame,
+    /// Number of the sample from which on vibration may be residual.
+    late: usize,
+    samples: usize,
+    masses: usize,
+    /// Element of the controlled mass's position.
+    controlled: usize,
+    /// From start to target, m, and half width of the band.
+    span: f64,
+    band: f64,
+    in_band: Stay,
+    in_tolerance: Stay,
+    ending: EndingMeter,
+    /// Ends of the controlled mass's way from the target, m.
+    way: Extent,
+    /// Of each mass in the window of the residual vibration; samples in it, and sum of distances from the target, m.
+    residual: [Extent; MASSES],
+    window: usize,
+    offsets: f64,
+    /// A.
+    peak_current: f64,
+    /// Sums of squares of estimate minus truth, m².
+    errors: [f64; MASSES],
+    observed: bool,
+}
+
+impl Meter {
+    /// For a run.
+    pub(crate) fn new(frame: Frame) -> Self {
+        Self {
+            frame,
+            late: (RESIDUAL_FROM * frame.periods as f64).round() as usize,
+            samples: 0,
+            masses: 0,
+            controlled: 0,
+            span: frame.target,
+            band: 0.0,
+            in_band: Stay::default(),
+            in_tolerance: Stay::default(),
+            ending: EndingMeter::new(&frame),
+            way: Extent::default(),
+            residual: [Extent::default(); MASSES],
+            window: 0,
+            offsets: 0.0,
+            peak_current: 0.0,
+            errors: [0.0; MASSES],
+            observed: false,
+        }
     }
-    let (before, after) = (error(last), error(last + 1));
-    Ok(last as f64 + (before.abs() - band) / (before - after).abs())
+
+    /// The next sample.
+    ///
+    /// # Panics
+    /// For a chain of more loads than a drive can have.
+    pub(crate) fn look(&mut self, seen: &Seen<'_>) {
+        let truth = seen.truth;
+        if self.samples == 0 {
+            self.masses = truth.len() / 2;
+            self.controlled = controlled(truth.len());
+            self.span = self.frame.target - truth[self.controlled];
+            self.band = SETTLING_BAND * self.span.abs();
+        }
+        let off = truth[self.controlled] - self.frame.target;
+        self.way.see(off);
+        // Written so that what is no number is outside.
+        let inside = off.abs() <= self.band;
+        self.in_band.see(seen.time, inside);
+        let tolerance = self.frame.settling_tolerance;
+        let there = off.abs() <= tolerance && (truth[0] - self.frame.target).abs() <= tolerance;
+        self.in_tolerance.see(seen.time, there);
+        self.ending
+            .see(seen.time, [truth[0], truth[self.controlled]]);
+        if !inside {
+            self.clear_window();
+        } else if self.samples >= self.late {
+            for (extent, position) in self.residual.iter_mut().zip(truth.iter().step_by(2)) {
+                extent.see(*position);
+            }
+            self.window += 1;
+            self.offsets += off;
+        }
+        self.peak_current = self.peak_current.max(seen.command.abs());
+        if let Some(found) = &seen.found {
+            self.observed = true;
+            let truth = truth.iter().step_by(2);
+            for ((sum, estimate), truth) in self.errors.iter_mut().zip(found.positions()).zip(truth)
+            {
+                *sum += (estimate - truth).powi(2);
+            }
+        }
+        self.samples += 1;
+    }
+
+    fn clear_window(&mut self) {
+        if self.window > 0 {
+            self.residual = [Extent::default(); MASSES];
+            (self.window, self.offsets) = (0, 0.0);
+        }
+    }
+
+    /// Whether the controlled mass is inside its band now.
+    pub(crate) fn in_band(&self) -> bool {
+        self.in_band.from().is_some()
+    }
+
+    /// The figures, of a run that has passed.
+    ///
+    /// * `fault`: that stopped the drive, and when, s
+    pub(crate) fn metrics(&self, fault: Option<(f64, Fault)>) -> Metrics {
+        let within_band_from = self.in_band.held(&self.frame);
+        let within_tolerance_from = self.in_tolerance.held(&self.frame);
+        let window = within_band_from.filter(|_| self.window > 0);
+        // Both ends, so that it does not matter to which side the target lies.
+        let ends = [self.way.low, self.way.high];
+        let beyond = ends.map(|off| {
+            if self.samples == 0 {
+                0.0
+            } else {
+                off / self.span
+            }
+        });
+        let samples = self.samples as f64;
+        let residual = &self.residual[..self.masses];
+        let end = self.ending.ending();
+        Metrics {
+            settling_time: within_band_from,
+            within_band_from,
+            settling_tolerance: self.frame.settling_tolerance,
+            within_tolerance_from,
+            end: end.clone(),
+            overshoot: 100.0 * beyond.into_iter().fold(0.0, f64::max),
+            residual_vibration: window.map(|_| residual.iter().map(Extent::peak_to_peak).collect()),
+            offset: window.map(|_| self.offsets / self.window as f64),
+            peak_current: self.peak_current,
+            estimation_error: self.observed.then(|| {
+                let sums = self.errors[..self.masses].iter();
+                sums.map(|sum| (sum / samples).sqrt()).collect()
+            }),
+            fault: fault.map(|(_, fault)| fault.number()),
+            fault_time: fault.map(|(time, _)| time),
+        }
+        .with_end(&end, within_tolerance_from)
+    }
 }
 
 impl Metrics {
     /// Judges a run.
     #[must_use]
     pub fn new(run: &Run) -> Self {
-        let samples = &run.samples;
-        let masses = samples.first().map_or(0, |sample| sample.truth.len() / 2);
-        let (controlled, target, span) = motion(run);
-        let within_band_from = settling_time(run, SETTLING_BAND);
-        let end = Ending::new(run, controlled);
-        let beyond = samples
-            .iter()
-            .map(|s| (s.truth[controlled] - target) / span);
-
-        let window = within_band_from.map(|settled| {
-            let late = (RESIDUAL_FROM * samples.len() as f64).round() as usize;
-            let from = samples.partition_point(|sample| sample.time < settled);
-            &samples[from.max(late)..]
-        });
-        let window = window.filter(|window| !window.is_empty());
-        let residual = |element: usize| peak_to_peak(window.unwrap_or_default(), element);
-        let rms = |element: usize| {
-            let errors = samples.iter().filter_map(|sample| {
-                let record = sample.record.as_ref()?;
-                let estimate = estimate(record).nth(element)?;
-                Some((estimate - sample.truth[element]).powi(2))
-            });
-            (errors.sum::<f64>() / samples.len() as f64).sqrt()
-        };
-        let observed = samples.iter().any(|sample| sample.record.is_some());
-        let elements = (0..masses).map(|mass| 2 * mass);
-        Self {
-            settling_time: within_band_from,
-            within_band_from,
-            settling_tolerance: run.settling_tolerance,
-            within_tolerance_from: within(run, run.settling_tolerance),
-            end: end.clone(),
-            overshoot: 100.0 * beyond.fold(0.0, f64::max),
-            residual_vibration: window.map(|_| elements.clone().map(residual).collect()),
-            offset: window.map(|window| {
-                let offsets = window.iter().map(|s| s.truth[controlled] - target);
-                offsets.sum::<f64>() / window.len() as f64
-            }),
-            peak_current: samples.iter().map(|s| s.command.abs()).fold(0.0, f64::max),
-            estimation_error: observed.then(|| elements.map(rms).collect()),
-            fault: run.fault.map(|(_, fault)| fault.number()),
-            fault_time: run.fault.map(|(time, _)| time),
+        let mut meter = Meter::new(Frame::of(run));
+        for sample in &run.samples {
+            meter.look(&sample.into());
         }
-        .with_end(&end, within(run, run.settling_tolerance))
+        meter.metrics(run.fault)
     }
 
     /// The same run whose motion at the end is known better: settled is what is also at rest there. Where it
@@ -212,6 +376,61 @@ impl Metrics {
             },
             ..self
         }
+    }
+}
+
+/// Runs by a formula, for tests.
+#[cfg(test)]
+pub(crate) mod formula {
+    use super::*;
+    use crate::simulate::Law;
+    use nalgebra::DVector;
+    use proptest::prelude::*;
+
+    /// A run of the paper's first step in periods of 1 ms: actuator and controlled mass of a chain of three loads by
+    /// a formula of time, in m and s.
+    pub(crate) fn run(periods: usize, motion: impl Fn(f64) -> [f64; 2]) -> Run {
+        let samples = (0..periods).map(|k| {
+            let time = k as f64 * 1e-3;
+            let mut truth = DVector::zeros(8);
+            [truth[0], truth[4]] = motion(time);
+            Sample {
+                time,
+                count: 0,
+                truth,
+                true_reaction_force: 0.0,
+                reference: 0.03,
+                applied_current: 0.0,
+                command: 0.0,
+                limited: false,
+                record: None,
+            }
+        });
+        Run {
+            kind: crate::machine::Kind::Linear,
+            resolution: 1e-6,
+            settling_tolerance: 50e-6,
+            scenario: *Scenario::named("fig3").unwrap(),
+            law: Law::FullState,
+            samples: samples.collect(),
+            fault: None,
+        }
+    }
+
+    /// Runs whose masses swing around a place beside the target, at rates at which they settle soon, late or not at
+    /// all, over a hum that may be rest, hunting, or more than any band.
+    pub(crate) fn runs() -> impl Strategy<Value = Run> {
+        let hum = prop_oneof![Just(0.0), 1e-6..2e-3_f64];
+        let aside = prop_oneof![Just(0.0), -2e-3..2e-3_f64];
+        (50..1500_usize, 1.0..60.0_f64, 5.0..100.0_f64, hum, aside).prop_map(
+            |(periods, rate, omega, hum, aside)| {
+                let swing = move |time: f64, rate: f64| {
+                    let left = (-rate * time).exp() * (omega * time).cos();
+                    0.03 + (aside - 0.03) * left + aside * (1.0 - left) + hum * (70.0 * time).sin()
+                };
+                run(periods, |time| [swing(time, 2.0 * rate), swing(time, rate)])
+            },
+        )
     }
 }
 
@@ -272,7 +491,7 @@ mod tests {
                 samples: run.samples[..(end * 1e3) as usize].to_vec(),
                 ..run.clone()
             };
-            assert_eq!(settling_time(&short, SETTLING_BAND).is_some(), held);
+            assert_eq!(Metrics::new(&short).within_band_from.is_some(), held);
         }
         // The actuator stands at the origin all the time: mass 2 alone is not enough.
         assert_eq!(metrics.within_tolerance_from, None);

@@ -329,7 +329,10 @@ impl Plant {
     /// Force between actuator and load, positive when the load holds the actuator back, N.
     #[must_use]
     pub fn reaction_force(&self) -> f64 {
-        let mut force = (self.chain.reaction_force() * self.state()).x;
+        let state = self.state();
+        let (stiffness, damping) = (self.chain.stiffness[0], self.chain.damping[0]);
+        let mut force =
+            stiffness * state[0] + damping * state[1] - stiffness * state[2] - damping * state[3];
         if let Some(gap) = self.surroundings.gaps.first().filter(|gap| gap.inner == 0) {
             force -= gap.beyond(|element| self.state()[element]);
         }

@@ -8,14 +8,18 @@
 //! top of it by the core. Each is judged by itself, from where the machine is when it is asked for to where the
 //! next one is, so that the same figures serve one move and many.
 
+use super::corridor::{Found, Record};
 use super::scenario::{Approach, Scenario, Start};
-use super::{Ask, Control, ControlOutput, Core, FullState, Law, Run, Sample, close_loop};
+use super::{
+    Ask, Control, ControlOutput, Core, FullState, Instant, Law, Run, Sample, Time, follow,
+};
 use crate::design::Design;
 use crate::drive::{Drive, PlantFile};
 use crate::error::{Error, Result};
-use arso_core::{Place, Request};
+use arso_core::{Fault, Place, Request};
 use nalgebra::DVector;
 use std::collections::VecDeque;
+use std::ops::Range;
 
 /// Time after the planned end of a move until the next one is asked for, in periods of the slowest mode.
 pub const ROOM: f64 = 15.0;
@@ -131,32 +135,63 @@ impl MoveSequence {
         self.moves.last().map_or(0, end) as f64 * self.period
     }
 
+    /// The part of a run of so many samples that belongs to each move.
+    pub(super) fn windows(&self, samples: usize) -> Vec<Window> {
+        let ends = self.moves.iter().skip(1).map(|next| next.at);
+        let ends = ends.chain([samples]);
+        let parts = self.moves.iter().zip(ends).map(|(one, end)| {
+            let end = end.min(samples);
+            Window {
+                samples: one.at.min(end)..end,
+                at: one.at,
+                target: one.target,
+                last: end == samples,
+            }
+        });
+        parts.collect()
+    }
+
     /// The part of a run that belongs to each move, its time counted from when that is asked for.
     pub(super) fn parts(&self, run: &Run) -> Vec<Run> {
-        let ends = self.moves.iter().skip(1).map(|next| next.at);
-        let ends = ends.chain([run.samples.len()]);
-        let parts = self.moves.iter().zip(ends).map(|(one, end)| {
-            let end = end.min(run.samples.len());
-            let begin = one.at.min(end);
-            let start = begin as f64 * self.period;
-            let samples = run.samples[begin..end].iter().enumerate();
+        let windows = self.windows(run.samples.len()).into_iter();
+        let parts = windows.map(|part| {
+            let samples = run.samples[part.samples.clone()].iter().enumerate();
             let samples = samples.map(|(k, sample)| Sample {
                 time: k as f64 * self.period,
                 ..sample.clone()
             });
-            let fault = run.fault.map(|(time, fault)| (time - start, fault));
-            let last = end == run.samples.len();
             Run {
                 scenario: Scenario {
-                    target: one.target,
+                    target: part.target,
                     ..run.scenario
                 },
                 samples: samples.collect(),
-                fault: fault.filter(|(time, _)| last || *time < (end - begin) as f64 * self.period),
+                fault: part.fault(run.fault, self.period),
                 ..*run
             }
         });
         parts.collect()
+    }
+}
+
+/// The part of a run that belongs to a move.
+pub(super) struct Window {
+    /// Which samples, by number.
+    pub(super) samples: Range<usize>,
+    /// In which control period the move is asked for.
+    pub(super) at: usize,
+    /// Where it leads, m.
+    pub(super) target: f64,
+    /// Whether it ends with the run.
+    last: bool,
+}
+
+impl Window {
+    /// A run's fault as that of this part, its time counted from the beginning of the part, s: none that came after
+    /// its end.
+    pub(super) fn fault(&self, fault: Option<(f64, Fault)>, period: f64) -> Option<(f64, Fault)> {
+        let fault = fault.map(|(time, fault)| (time - self.samples.start as f64 * period, fault));
+        fault.filter(|(time, _)| self.last || *time < self.samples.len() as f64 * period)
     }
 }
 
@@ -239,16 +274,48 @@ pub fn simulate_moves(
     law: Law,
     duration: f64,
 ) -> Result<Run> {
-    let mut scenario = Scenario {
-        name: "move",
-        linear_title: "planned moves",
-        approach: Approach::Move,
-        target: 0.0,
-        start: Start::Origin,
-    };
+    let time = Time::new(sequence.period, duration);
+    let mut samples = Vec::with_capacity(time.periods);
+    let keep = |instant: &Instant<'_>| samples.push(instant.sample());
+    let fault = follow_moves(design, file, sequence, law, time, keep)?;
+    Ok(Run {
+        kind: file.kind,
+        scenario: Scenario {
+            target: sequence.moves.last().map_or(0.0, |last| last.target),
+            ..AT_THE_ORIGIN
+        },
+        law,
+        resolution: file.encoder.resolution,
+        settling_tolerance: design.motion.settling_tolerance,
+        samples,
+        fault,
+    })
+}
+
+/// What planned moves begin with.
+pub(super) const AT_THE_ORIGIN: Scenario = Scenario {
+    name: "move",
+    linear_title: "planned moves",
+    approach: Approach::Move,
+    target: 0.0,
+    start: Start::Origin,
+};
+
+/// Closes the loop for planned moves, see [`follow`].
+///
+/// # Errors
+/// As [`simulate`](super::simulate).
+pub(super) fn follow_moves(
+    design: &Design,
+    file: &PlantFile,
+    sequence: &MoveSequence,
+    law: Law,
+    time: Time,
+    look: impl FnMut(&Instant<'_>),
+) -> Result<Option<(f64, Fault)>> {
     let control: Box<dyn Ask + '_> = match law {
-        Law::Core => Box::new(Core::new(design, file, &scenario)?),
-        _ => Box::new(FullState::new(design, &scenario)?),
+        Law::Core => Box::new(Core::new(design, file, &AT_THE_ORIGIN)?),
+        _ => Box::new(FullState::new(design, &AT_THE_ORIGIN)?),
     };
     let orders = sequence.moves.iter();
     let mut control = InOrder {
@@ -259,10 +326,7 @@ pub fn simulate_moves(
         period: 0,
         stopped: false,
     };
-    scenario.target = sequence.moves.last().map_or(0.0, |last| last.target);
-    let time = (sequence.period, duration);
-    let run = close_loop(law, &mut control, (file, 0), &scenario, time)?;
-    Ok(run.with_tolerance(design))
+    follow(&mut control, (file, 0), &AT_THE_ORIGIN, time, look)
 }
 
 /// A law that is asked for one thing after the other, until it stops itself.
@@ -286,9 +350,17 @@ impl Control for InOrder<'_> {
         }
         self.period += 1;
         let output = self.control.step(count, truth, applied)?;
-        let record = output.record.as_ref();
-        self.stopped = record.is_some_and(|record| record.mode.fault().is_some());
+        let found = self.control.found();
+        self.stopped = found.is_some_and(|found| found.mode.fault().is_some());
         Ok(output)
+    }
+
+    fn found(&self) -> Option<Found<'_>> {
+        self.control.found()
+    }
+
+    fn record(&self) -> Option<Record> {
+        self.control.record()
     }
 }
 

@@ -4,9 +4,9 @@
 //! band for ever, and no margin of the linear loop shows it. So a planned move is simulated on the drive's own
 //! machine, with the friction that the drive file states, without any and with twice as much.
 
-use super::ending::peak_to_peak;
+use super::ending::Extent;
 use super::scenario::Scenario;
-use super::{Law, simulate};
+use super::{Instant, Law, Time, control, follow};
 use crate::design::Design;
 use crate::design::checks::{Check, Verdict};
 use crate::drive::PlantFile;
@@ -39,17 +39,21 @@ pub fn stillness(design: &Design) -> Result<Check> {
     for times in FRICTION {
         let mut plant = stated.clone();
         plant.friction = stated.friction.times(times);
-        let run = match simulate(design, &plant, &scenario, Law::Core, from + WATCHED) {
-            Ok(run) => run,
-            // It does not start.
-            Err(Error::Simulation(_)) => continue,
-            Err(other) => return Err(other),
+        let time = Time::new(period, from + WATCHED);
+        let mut motion = Extent::default();
+        let look = |instant: &Instant<'_>| {
+            let seen = instant.seen();
+            if seen.time >= from {
+                motion.see(seen.truth[0]);
+            }
         };
-        // A drive that stopped itself is at rest by another rule.
-        if run.fault.is_none() {
-            let end = run.samples.partition_point(|sample| sample.time < from);
-            let motion = peak_to_peak(&run.samples[end..], 0);
-            largest = largest.max(motion / resolution);
+        let run = control(design, &plant, &scenario, Law::Core)
+            .and_then(|mut core| follow(core.as_mut(), (&plant, 0), &scenario, time, look));
+        match run {
+            Ok(None) => largest = largest.max(motion.peak_to_peak() / resolution),
+            // A drive that stopped itself is at rest by another rule; or it does not start.
+            Ok(Some(_)) | Err(Error::Simulation(_)) => {}
+            Err(other) => return Err(other),
         }
         if !stated.friction.dry().any() {
             break;
