@@ -161,10 +161,11 @@ impl ExcitationPlan {
 
     /// Every current of the excitation, A, as the drive applies it: through its limiter and in `f32`.
     pub fn currents(&self) -> impl Iterator<Item = f32> {
+        let limiter = self.limits.limiter();
         let once = self.table.iter().map(|steps| {
             let wanted = Current(f32::from(*steps) * self.unit as f32);
             // What is finite is never refused.
-            let limited = self.limits.step(wanted);
+            let limited = limiter.step(wanted);
             limited.map_or(0.0, |limited| limited.current.0)
         });
         let once: Vec<f32> = once.collect();
