@@ -30,10 +30,11 @@ pub use shard::Shard;
 pub use summary::{OfLaw, Summary};
 
 use crate::design::Design;
-use crate::design::assessment::{require_sound, require_sound_at_first_look};
+use crate::design::assessment::require_sound_at_first_look;
 use crate::drive::{DEFAULT_DRIVE, Drive, PlantFile};
 use crate::error::{Error, Result};
 use crate::output::Progress;
+use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{Approach, Scenario, Start};
 use crate::simulate::sequence::require_a_count;
 use description::{Description, Way};
@@ -51,6 +52,9 @@ use variation::Variation;
 /// A part of a sweep is made in about so many chunks, of so many samples each.
 const CHUNKS: u64 = 20;
 const CHUNK: std::ops::RangeInclusive<u64> = 16..=1000;
+
+/// The figures of a run, or why there are none.
+type Figures = std::result::Result<Metrics, String>;
 
 /// A sweep, read and checked.
 pub struct Sweep {
@@ -183,29 +187,19 @@ impl Sweep {
     /// Makes one part and writes it; chunks that are there already are not made again.
     ///
     /// # Errors
-    /// [`Error::Design`] when the drive's gains are unsound, [`Error::Comparison`] when a rival cannot be tuned,
-    /// [`Error::Write`], [`Error::Sweep`] when it was ended before its time.
+    /// [`Error::Design`] when the drive's gains are unsound at a first look, which those of varied drives must stand
+    /// as well; [`Error::Comparison`] when a rival cannot be tuned; [`Error::Write`]; [`Error::Sweep`] when it was
+    /// ended before its time.
     pub fn run(&self, out: &Path, shard: Shard, watch: &Watch<'_>) -> Result<Summary> {
         let header = self.header(shard, shard.samples(self.samples()));
         let folder = chunk_folder(out);
-        let chunks: Vec<(PathBuf, Header)> = chunks(&header.samples)
-            .map(|samples| {
-                let path = folder.join(format!("{:012}.parquet", samples.start));
-                (path, self.header(shard, samples))
-            })
-            .collect();
-        let missing = chunks
-            .iter()
-            .filter(|(path, header)| !self.is_there(path, header));
-        let missing: Vec<_> = missing.collect();
+        let missing = chunks(&header.samples)
+            .filter(|samples| !self.is_there(&folder, &self.header(shard, samples.clone())));
+        let missing: Vec<Range<u64>> = missing.collect();
         if !missing.is_empty() {
-            require_sound(&self.design)?;
-            let names: Vec<String> = self
-                .description
-                .laws
-                .iter()
-                .map(|law| law.0.clone())
-                .collect();
+            require_sound_at_first_look(&self.design)?;
+            let laws = self.description.laws.iter();
+            let names: Vec<String> = laws.map(|(law, _)| law.clone()).collect();
             let chosen = laws::choose(
                 &self.design,
                 &self.scenario,
@@ -213,12 +207,12 @@ impl Sweep {
                 self.description.evaluations,
                 watch.preparing,
             )?;
-            self.make(&missing, &chosen, &header.samples, watch)?;
+            self.make(&missing, &chosen, (&folder, &header), watch)?;
         }
         let mut writer = Writer::create(out, self.rows.schema(), &header)?;
         let mut gathered = summary::Gathered::default();
-        for (path, _) in &chunks {
-            for rows in Reader::open(path)?.groups() {
+        for samples in chunks(&header.samples) {
+            for rows in Reader::open(&chunk_path(&folder, &samples))?.groups() {
                 let rows = rows?;
                 gathered.see(self.rows.schema(), &rows);
                 writer.push(rows)?;
@@ -226,8 +220,8 @@ impl Sweep {
         }
         writer.finish()?;
         // The file has all of it; what cannot be removed does no harm.
-        for (path, _) in &chunks {
-            let _ = std::fs::remove_file(path);
+        for samples in chunks(&header.samples) {
+            let _ = std::fs::remove_file(chunk_path(&folder, &samples));
         }
         let _ = std::fs::remove_dir(&folder);
         Ok(gathered.summary(&header))
@@ -242,25 +236,22 @@ impl Sweep {
     }
 
     /// Whether a chunk is whole and of this sweep.
-    fn is_there(&self, path: &Path, header: &Header) -> bool {
-        let reader = Reader::open(path);
+    fn is_there(&self, folder: &Path, header: &Header) -> bool {
+        let reader = Reader::open(&chunk_path(folder, &header.samples));
         reader.is_ok_and(|found| found.header == *header && found.schema == *self.rows.schema())
     }
 
     /// Makes chunks, one after the other, the samples of each side by side.
     fn make(
         &self,
-        missing: &[&(PathBuf, Header)],
+        missing: &[Range<u64>],
         chosen: &[Chosen],
-        all: &Range<u64>,
+        (folder, whole): (&Path, &Header),
         watch: &Watch<'_>,
     ) -> Result<()> {
         let size = |samples: &Range<u64>| samples.end - samples.start;
-        let left: u64 = missing
-            .iter()
-            .map(|(_, header)| size(&header.samples))
-            .sum();
-        let mut kept = size(all) - left;
+        let all = size(&whole.samples);
+        let mut kept = all - missing.iter().map(size).sum::<u64>();
         let done = AtomicU64::new(kept);
         let stated = Bench::new(
             &self.design,
@@ -268,33 +259,36 @@ impl Sweep {
             self.description.duration,
             chosen,
         );
-        (watch.running)(done.load(Ordering::Relaxed), size(all));
-        for (path, header) in missing {
+        (watch.running)(kept, all);
+        for samples in missing {
             let sample = |sample: u64| {
                 if (watch.stop)() {
                     return None;
                 }
                 let rows = self.sample(sample, &stated, chosen);
                 let done = 1 + done.fetch_add(1, Ordering::Relaxed);
-                (watch.running)(done, size(all));
+                (watch.running)(done, all);
                 Some(rows)
             };
-            let samples: Vec<u64> = header.samples.clone().collect();
-            let rows: Option<Vec<_>> = samples.into_par_iter().map(sample).collect();
+            let numbers: Vec<u64> = samples.clone().collect();
+            let rows: Option<Vec<_>> = numbers.into_par_iter().map(sample).collect();
             let Some(rows) = rows else {
                 return Err(Error::Sweep(format!(
-                    "it was interrupted, {kept} of {} samples are kept; the same command goes on from there",
-                    size(all)
+                    "it was interrupted, {kept} of {all} samples are kept; the same command goes on from there"
                 )));
             };
             let mut table = Table::new(self.rows.schema());
             for row in rows.into_iter().flatten() {
                 table.push(row);
             }
-            let mut writer = Writer::create(path, self.rows.schema(), header)?;
+            let (path, header) = (
+                chunk_path(folder, samples),
+                self.header(whole.shard, samples.clone()),
+            );
+            let mut writer = Writer::create(&path, self.rows.schema(), &header)?;
             writer.push(table)?;
             writer.finish()?;
-            kept += size(&header.samples);
+            kept += size(samples);
         }
         Ok(())
     }
@@ -314,15 +308,13 @@ impl Sweep {
             .collect()
     }
 
+    /// The figures of every law on one sample.
     fn results(
         &self,
         values: &[toml::Value],
         stated: &Bench<'_>,
         chosen: &[Chosen],
-    ) -> std::result::Result<
-        Vec<std::result::Result<crate::simulate::metrics::Metrics, String>>,
-        String,
-    > {
+    ) -> std::result::Result<Vec<Figures>, String> {
         let plant = self.variation.plant(values)?;
         let text = |error: Error| error.to_string();
         if !self.variation.designs() {
@@ -346,6 +338,10 @@ fn chunk_folder(out: &Path) -> PathBuf {
     let mut name = out.as_os_str().to_owned();
     name.push(".parts");
     name.into()
+}
+
+fn chunk_path(folder: &Path, samples: &Range<u64>) -> PathBuf {
+    folder.join(format!("{:010}.parquet", samples.start))
 }
 
 /// The samples of every chunk of a part.

@@ -117,7 +117,6 @@ impl Writer {
     pub(super) fn create(path: &Path, schema: &Schema, header: &Header) -> Result<Self> {
         let properties = WriterProperties::builder()
             .set_created_by(format!("host-sim {}", env!("CARGO_PKG_VERSION")))
-            .set_max_row_group_row_count(Some(GROUP))
             .set_key_value_metadata(Some(header.metadata()))
             .build();
         let failed = unwritten(path);
