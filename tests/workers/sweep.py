@@ -16,7 +16,7 @@ from pathlib import Path
 
 from hyperqueue.cluster import LocalCluster, WorkerConfig
 
-SPREAD = Path(__file__).resolve().parents[2] / "host-sim/sweeps/hyperqueue.py"
+SPREAD = Path(__file__).resolve().parents[2] / "host-sim/sweeps/on-hyperqueue.py"
 SHARDS = 6
 SAMPLES = 1200
 PATIENCE = 60.0  # s

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Spreads a sweep over the nodes of a Slurm cluster: an array job of parts, then one that puts them together.
 #
-#     host-sim/sweeps/slurm.sh SWEEP.toml OUT.parquet SHARDS [OPTIONS OF SBATCH...]
+#     host-sim/sweeps/on-slurm.sh SWEEP.toml OUT.parquet SHARDS [OPTIONS OF SBATCH...]
 #
 # host-sim must be in the PATH of the nodes; sweep file and output on a file system that all of them see. Part 3 that
 # was killed goes on where it was with `scontrol requeue JOB_3`, or by itself with --requeue.

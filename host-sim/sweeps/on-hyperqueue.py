@@ -2,7 +2,7 @@
 """Spreads a sweep over workers of HyperQueue, and puts the parts together when all are done.
 
     pip install hyperqueue
-    python host-sim/sweeps/hyperqueue.py host-sim/sweeps/wide.toml wide.parquet --shards 16
+    python host-sim/sweeps/on-hyperqueue.py host-sim/sweeps/wide.toml wide.parquet --shards 16
 
 Without --server the workers are the cores of this machine. With it they are those that have joined a running
 server (`hq server start`, `hq worker start` or `hq alloc add slurm` on the nodes), and host-sim, the sweep file and
