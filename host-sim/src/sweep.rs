@@ -52,6 +52,8 @@ use variation::Variation;
 /// A part of a sweep is made in about so many chunks, of so many samples each.
 const CHUNKS: u64 = 20;
 const CHUNK: std::ops::RangeInclusive<u64> = 16..=1000;
+/// Longest run, in control periods.
+const LONGEST: f64 = 1e6;
 
 /// The figures of a run, or why there are none.
 type Figures = std::result::Result<Metrics, String>;
@@ -134,13 +136,8 @@ impl Sweep {
             );
             return Err(description.error(None, message));
         }
-        if description.duration < 2.0 * drive.control.sample_time {
-            let (duration, period) = (description.duration, drive.control.sample_time);
-            let message = format!(
-                "duration = {duration}: must be two control periods of {period} s at least"
-            );
-            return Err(description.error(None, message));
-        }
+        require_duration(description.duration, drive.control.sample_time)
+            .map_err(|message| description.error(None, message))?;
         let scenario = Scenario {
             name: way,
             linear_title: way,
@@ -220,8 +217,12 @@ impl Sweep {
         }
         writer.finish()?;
         // The file has all of it; what cannot be removed does no harm.
-        for samples in chunks(&header.samples) {
-            let _ = std::fs::remove_file(chunk_path(&folder, &samples));
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let name = entry.file_name();
+            let number = name.to_str().and_then(|name| name.strip_suffix(".parquet"));
+            if number.is_some_and(|number| number.parse::<u64>().is_ok()) {
+                let _ = std::fs::remove_file(entry.path());
+            }
         }
         let _ = std::fs::remove_dir(&folder);
         Ok(gathered.summary(&header))
@@ -323,6 +324,7 @@ impl Sweep {
         }
         let drive = self.variation.drive(values)?;
         plant.require_fit(&drive).map_err(text)?;
+        require_duration(self.description.duration, drive.control.sample_time)?;
         if drive.loads.len() != self.design.loads() {
             return Err("it has another number of loads than the drive of the sweep".into());
         }
@@ -331,6 +333,16 @@ impl Sweep {
         let bench = Bench::new(&design, &self.scenario, self.description.duration, chosen);
         Ok(bench.run(&plant))
     }
+}
+
+/// A run must be two control periods at least, and no longer than can be kept.
+fn require_duration(duration: f64, period: f64) -> std::result::Result<(), String> {
+    if (2.0..=LONGEST).contains(&(duration / period)) {
+        return Ok(());
+    }
+    Err(format!(
+        "duration = {duration}: must be from 2 to {LONGEST:e} control periods of {period} s"
+    ))
 }
 
 /// Where the chunks of an output are kept until it is whole.

@@ -74,6 +74,11 @@ impl Variation {
             let keys = variation
                 .keys_of(vary)
                 .map_err(|why| wrong(description, vary, &why))?;
+            let names: Vec<&str> = variation.keys().map(|(name, _)| name).collect();
+            if let Some(twice) = keys.iter().find(|key| names.contains(&&key.name[..])) {
+                let why = format!("{} varies by another line as well", twice.name);
+                return Err(wrong(description, vary, &why));
+            }
             variation.keys.extend(keys);
         }
         let mut count = Some(description.samples);
@@ -321,6 +326,19 @@ mod tests {
         masses.sort();
         masses.dedup();
         assert_eq!(masses.len(), 12);
+    }
+
+    #[test]
+    fn a_key_varies_once() {
+        let error = variation(
+            "\"plant.load.*.mass\" = { uniform = [0.1, 0.2], each = true }\n\
+             \"plant.load.2.mass\" = { uniform = [0.1, 0.2] }",
+        );
+        let error = error.err().unwrap().to_string();
+        assert!(
+            error.contains("plant.load.2.mass varies by another line"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -408,7 +408,10 @@ fn what_cannot_be_swept_is_said_with_file_and_key() {
             HEAD.replace("step = 0.03", "step = 0.0") + laws,
             "step = 0: must be one count",
         ),
-        (HEAD.replace("1.2", "0.01") + laws, "two control periods"),
+        (
+            HEAD.replace("1.2", "0.01") + laws,
+            "must be from 2 to 1e6 control periods of 0.01 s",
+        ),
         (
             HEAD.replace("drive.toml", "none.toml") + laws,
             "cannot read none.toml",
