@@ -95,7 +95,7 @@ impl Run {
     ///
     /// # Errors
     /// [`Error::Fault`], which names the fault and when.
-    pub(crate) fn require_no_fault(&self) -> Result<()> {
+    pub fn require_no_fault(&self) -> Result<()> {
         let Some((time, fault)) = self.fault else {
             return Ok(());
         };
