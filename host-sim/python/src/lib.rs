@@ -1,1 +1,38 @@
-//! Empty.
+//! The Python package `arso`: host-sim's drives, designs and simulations as Python objects and numpy arrays.
+//!
+//! ```text
+//! TOML --description--> Drive, Plant --design--> Design --simulate--> Run
+//!                                              +--compare, learn, bound--> dictionaries
+//! ```
+//!
+//! A thin layer: it takes arguments apart, releases the interpreter while host-sim computes, and hands results
+//! out, matrices and time series as arrays (`arrays`), all else as host-sim serialises it for JSON. Errors are
+//! host-sim's sentences (`errors`). What needs python-control is written in Python (`arso/systems.py`).
+
+// What can fail says so in the docstring that Python shows.
+#![allow(clippy::missing_errors_doc)]
+
+mod arrays;
+mod compare;
+mod description;
+mod design;
+mod errors;
+mod learn;
+mod simulate;
+
+/// Bindings of host-sim; use the package `arso`.
+#[pyo3::pymodule]
+mod _arso {
+    #[pymodule_export]
+    use super::compare::{bound, compare};
+    #[pymodule_export]
+    use super::description::{Drive, Plant};
+    #[pymodule_export]
+    use super::design::{Design, design};
+    #[pymodule_export]
+    use super::errors::DriveFault;
+    #[pymodule_export]
+    use super::learn::{Learned, learn};
+    #[pymodule_export]
+    use super::simulate::{Run, simulate};
+}
