@@ -1,8 +1,8 @@
 //! The drive beside its rivals, and beside what is possible at all.
 
 use crate::arrays::object;
-use crate::description::{Drive, PlantLike};
-use crate::design::{DesignLike, or_default};
+use crate::description::{Drive, plant_for};
+use crate::design::{or_default, sound};
 use crate::errors::{raised, unusable};
 use host_sim::compare::{Effort, bounds, compare as compared, require_comparable};
 use host_sim::error::Error;
@@ -46,7 +46,7 @@ const PLANTS: usize = 100_000;
 #[pyo3(signature = (design, *, evaluations=1200, plants=50, progress=None))]
 pub(crate) fn compare<'py>(
     py: Python<'py>,
-    design: DesignLike<'py>,
+    design: &Bound<'py, PyAny>,
     evaluations: usize,
     plants: usize,
     progress: Option<Py<PyAny>>,
@@ -59,7 +59,7 @@ pub(crate) fn compare<'py>(
     if plants > PLANTS {
         return Err(unusable("plants", plants, format!("must be {PLANTS} at most")));
     }
-    let design = design.sound()?;
+    let design = sound(design)?;
     let effort = Effort {
         evaluations,
         plants,
@@ -114,12 +114,12 @@ pub(crate) fn compare<'py>(
 pub(crate) fn bound<'py>(
     py: Python<'py>,
     drive: Option<Bound<'py, Drive>>,
-    plant: Option<PlantLike<'py>>,
+    plant: Option<&Bound<'py, PyAny>>,
     distance: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
     let drive = or_default(py, drive)?;
     let drive = &drive.get().drive;
-    let plant = PlantLike::or_own(plant.as_ref(), drive)?;
+    let plant = plant_for(plant, drive)?;
     let found = py
         .detach(|| step_bound(drive, &plant, distance))
         .map_err(raised)?;

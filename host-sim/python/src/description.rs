@@ -1,7 +1,7 @@
 //! Descriptions of drives and plants: a path, TOML, or a dictionary.
 
 use crate::arrays::{matrix, object};
-use crate::errors::raised;
+use crate::errors::{no_such, raised};
 use host_sim::chain::Chain;
 use host_sim::design::Design;
 use host_sim::design::assessment::require_sound;
@@ -280,24 +280,19 @@ impl Plant {
     }
 }
 
-/// A plant, or the machine that a drive believes in.
-#[derive(FromPyObject)]
-pub(crate) enum PlantLike<'py> {
-    Plant(Bound<'py, Plant>),
-    Drive(Bound<'py, Drive>),
-}
-
-impl PlantLike<'_> {
-    /// The plant that was given, or the drive's own machine, held against the drive.
-    pub(crate) fn or_own(given: Option<&Self>, drive: &Described) -> PyResult<PlantFile> {
-        let plant = match given {
-            None => PlantFile::from(drive),
-            Some(Self::Plant(plant)) => plant.get().plant.clone(),
-            Some(Self::Drive(drive)) => PlantFile::from(&drive.get().drive),
-        };
-        plant.require_fit(drive).map_err(raised)?;
-        Ok(plant)
-    }
+/// The plant that was given (a plant, or the machine that a drive believes in), or a drive's own machine; held against
+/// the drive.
+pub(crate) fn plant_for(given: Option<&Bound<'_, PyAny>>, drive: &Described) -> PyResult<PlantFile> {
+    let plant = match given {
+        None => PlantFile::from(drive),
+        Some(given) => match (given.cast::<Plant>(), given.cast::<Drive>()) {
+            (Ok(plant), _) => plant.get().plant.clone(),
+            (_, Ok(other)) => PlantFile::from(&other.get().drive),
+            _ => return Err(no_such(given, "plant", "a Plant or a Drive")),
+        },
+    };
+    plant.require_fit(drive).map_err(raised)?;
+    Ok(plant)
 }
 
 fn file(path: &std::path::Path) -> PyResult<String> {

@@ -2,7 +2,7 @@
 
 use crate::arrays::{matrix, object, poles};
 use crate::description::Drive;
-use crate::errors::raised;
+use crate::errors::{no_such, raised};
 use host_sim::design::Design as Designed;
 use host_sim::design::assessment::Assessment;
 use host_sim::design::drive_loop::{Compensation, DriveLoop};
@@ -12,7 +12,7 @@ use host_sim::simulate::stillness::stillness;
 use numpy::{Complex64, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::sync::{Arc, OnceLock};
 
 /// Regulator and observer of a drive, as :func:`design` makes them.
@@ -23,7 +23,8 @@ use std::sync::{Arc, OnceLock};
 pub(crate) struct Design {
     drive: Py<Drive>,
     design: Arc<Designed>,
-    report: OnceLock<Arc<(Assessment, Value)>>,
+    assessment: OnceLock<Assessment>,
+    report: OnceLock<Value>,
 }
 
 impl Design {
@@ -31,29 +32,46 @@ impl Design {
         Ok(Self {
             design: drive.get().design(drive.py())?,
             drive: drive.clone().unbind(),
+            assessment: OnceLock::new(),
             report: OnceLock::new(),
         })
     }
 
-    /// Checks, margins and all that `host-sim design --json` says, made when first asked for.
-    fn report(&self, py: Python<'_>) -> PyResult<Arc<(Assessment, Value)>> {
-        if let Some(report) = self.report.get() {
-            return Ok(Arc::clone(report));
+    /// Checks, margins and the gain over the time to go, made when first asked for.
+    fn assessment(&self, py: Python<'_>) -> PyResult<&Assessment> {
+        if let Some(made) = self.assessment.get() {
+            return Ok(made);
         }
         let made = py.detach(|| {
-            let mut assessment = Assessment::new(&self.design)?;
-            if assessment.require_sound().is_ok() {
-                assessment.checks.push(stillness(&self.design)?);
+            let mut made = Assessment::new(&self.design)?;
+            if made.require_sound().is_ok() {
+                made.checks.push(stillness(&self.design)?);
             }
-            let value = report::design::json(&self.design, &assessment)?;
-            Ok::<_, Error>((assessment, value))
+            Ok::<_, Error>(made)
         });
-        let made = Arc::new(made.map_err(raised)?);
-        Ok(Arc::clone(self.report.get_or_init(|| made)))
+        let made = made.map_err(raised)?;
+        Ok(self.assessment.get_or_init(|| made))
     }
 
-    fn said<'py>(&self, py: Python<'py>, what: &str) -> PyResult<Bound<'py, PyAny>> {
-        object(py, &self.report(py)?.1[what])
+    /// A part of the assessment.
+    fn assessed<'py>(
+        &self,
+        py: Python<'py>,
+        part: impl Fn(&Assessment) -> Value,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        object(py, &part(self.assessment(py)?))
+    }
+
+    /// A part of what `host-sim design --json` says, made when first asked for.
+    fn said<'py>(&self, py: Python<'py>, part: &str) -> PyResult<Bound<'py, PyAny>> {
+        if let Some(made) = self.report.get() {
+            return object(py, &made[part]);
+        }
+        let assessment = self.assessment(py)?;
+        let made = py
+            .detach(|| report::design::json(&self.design, assessment))
+            .map_err(raised)?;
+        object(py, &self.report.get_or_init(|| made)[part])
     }
 }
 
@@ -174,7 +192,7 @@ impl Design {
     /// ``advice``.
     #[getter]
     fn checks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.said(py, "checks")
+        self.assessed(py, |made| json!(made.checks))
     }
 
     /// Margins of the loop, broken at the current command.
@@ -188,9 +206,9 @@ impl Design {
     #[getter]
     fn margins<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
-        all.set_item("drive", self.said(py, "margins")?)?;
-        all.set_item("held", self.said(py, "margins_held")?)?;
-        all.set_item("full_state", self.said(py, "margins_full_state")?)?;
+        all.set_item("drive", self.assessed(py, |made| json!(made.margins))?)?;
+        all.set_item("held", self.assessed(py, |made| json!(made.margins_held))?)?;
+        all.set_item("full_state", self.assessed(py, |made| json!(made.margins_full_state))?)?;
         Ok(all)
     }
 
@@ -211,13 +229,13 @@ impl Design {
     /// ``distance`` from the constant gain, relative.
     #[getter]
     fn finite_horizon<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.said(py, "finite_horizon")
+        self.assessed(py, |made| json!(made.finite_horizon))
     }
 
     /// Raises a RuntimeError with the sentence of the first check that refuses the design; does nothing where it
     /// may run.
     fn require_sound(&self, py: Python<'_>) -> PyResult<()> {
-        self.report(py)?.0.require_sound().map_err(raised)
+        self.assessment(py)?.require_sound().map_err(raised)
     }
 
     /// The sampled model of the machine with what makes its force come late.
@@ -280,24 +298,12 @@ impl Design {
     }
 }
 
-/// A design, or a drive whose design is made.
-#[derive(FromPyObject)]
-pub(crate) enum DesignLike<'py> {
-    Design(Bound<'py, Design>),
-    Drive(Bound<'py, Drive>),
-}
-
-impl<'py> DesignLike<'py> {
-    /// The design, where it may run.
-    pub(crate) fn sound(&self) -> PyResult<Arc<Designed>> {
-        let drive = self.drive();
-        drive.get().sound(drive.py())
-    }
-
-    fn drive(&self) -> Bound<'py, Drive> {
-        match self {
-            Self::Design(design) => design.get().drive.bind(design.py()).clone(),
-            Self::Drive(drive) => drive.clone(),
-        }
+/// The design that was given, or that of the drive that was, where it may run.
+pub(crate) fn sound(given: &Bound<'_, PyAny>) -> PyResult<Arc<Designed>> {
+    let py = given.py();
+    match (given.cast::<Design>(), given.cast::<Drive>()) {
+        (Ok(design), _) => design.get().drive.get().sound(py),
+        (_, Ok(drive)) => drive.get().sound(py),
+        _ => Err(no_such(given, "design", "a Design or a Drive")),
     }
 }

@@ -1,9 +1,13 @@
 //! host-sim's errors as Python's exceptions, with the same sentence.
 
 use host_sim::error::Error;
-use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{
+    PyFileNotFoundError, PyIsADirectoryError, PyOSError, PyPermissionError, PyRuntimeError,
+    PyTypeError, PyValueError,
+};
 use pyo3::prelude::*;
 use std::borrow::Borrow;
+use std::io::ErrorKind;
 
 pyo3::create_exception!(
     arso,
@@ -18,10 +22,11 @@ pub(crate) fn raised(error: impl Borrow<Error>) -> PyErr {
     let error = error.borrow();
     let sentence = error.to_string();
     match error {
-        // With the number of the system, from which Python makes FileNotFoundError and its like.
-        Error::Read { path, source } => match source.raw_os_error() {
-            Some(number) => PyOSError::new_err((number, source.to_string(), path.clone())),
-            None => PyOSError::new_err(sentence),
+        Error::Read { source, .. } => match source.kind() {
+            ErrorKind::NotFound => PyFileNotFoundError::new_err(sentence),
+            ErrorKind::PermissionDenied => PyPermissionError::new_err(sentence),
+            ErrorKind::IsADirectory => PyIsADirectoryError::new_err(sentence),
+            _ => PyOSError::new_err(sentence),
         },
         error if error.exit_code() == 2 => PyValueError::new_err(sentence),
         _ => PyRuntimeError::new_err(sentence),
@@ -35,4 +40,11 @@ pub(crate) fn unusable(
     rule: impl Into<String>,
 ) -> PyErr {
     raised(Error::parameter(parameter, value, rule))
+}
+
+/// An argument that is something else than it may be.
+pub(crate) fn no_such(argument: &Bound<'_, PyAny>, name: &str, allowed: &str) -> PyErr {
+    let found = argument.get_type().name();
+    let found = found.map_or_else(|_| "something else".into(), |name| name.to_string());
+    PyTypeError::new_err(format!("`{name}`: must be {allowed}, not {found}"))
 }

@@ -5,7 +5,7 @@
 
 use crate::arrays::object;
 use crate::description::Drive;
-use crate::errors::raised;
+use crate::errors::{no_such, raised};
 use crate::simulate::{Run, recorded};
 use host_sim::capture::Origin;
 use host_sim::error::{Error, Result};
@@ -15,7 +15,7 @@ use host_sim::report::learning::{self, Learned as Told};
 use host_sim::simulate::benefit::Proposal;
 use host_sim::simulate::sequence::require_a_count;
 use numpy::{AllowTypeChange, PyArrayLike1};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use serde_json::{Value, json};
@@ -215,11 +215,9 @@ impl Source {
         if let Ok(arrays) = record.cast::<PyDict>() {
             return Self::of_arrays(arrays, name, period);
         }
-        record.extract().map(Self::File).map_err(|_| {
-            PyTypeError::new_err(
-                "`record`: must be a path, a Run, a dictionary of arrays, or a list of these",
-            )
-        })
+        let allowed = "a path, a Run, a dictionary of arrays, or a list of these";
+        let path = record.extract().map(Self::File);
+        path.map_err(|_| no_such(record, "record", allowed))
     }
 
     fn of_arrays(arrays: &Bound<'_, PyDict>, name: String, period: f64) -> PyResult<Self> {

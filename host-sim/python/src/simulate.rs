@@ -1,8 +1,8 @@
 //! The closed loop in time: one experiment, its series as arrays and its figures.
 
 use crate::arrays::{object, table};
-use crate::description::PlantLike;
-use crate::design::DesignLike;
+use crate::description::plant_for;
+use crate::design::sound;
 use crate::errors::{DriveFault, raised, unusable};
 use host_sim::design::Design;
 use host_sim::drive::PlantFile;
@@ -145,8 +145,8 @@ impl From<Numbers> for Vec<f64> {
 #[allow(clippy::too_many_arguments, reason = "named in Python")]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
-    design: DesignLike<'py>,
-    plant: Option<PlantLike<'py>>,
+    design: &Bound<'py, PyAny>,
+    plant: Option<&Bound<'py, PyAny>>,
     r#move: Option<Numbers>,
     step: Option<f64>,
     experiment: Option<&str>,
@@ -162,8 +162,8 @@ pub(crate) fn simulate<'py>(
             return Err(unusable("law", format!("\"{other}\""), rule));
         }
     };
-    let design = design.sound()?;
-    let plant = PlantLike::or_own(plant.as_ref(), &design.drive)?;
+    let design = sound(design)?;
+    let plant = plant_for(plant, &design.drive)?;
     let at: Vec<f64> = at.map(Into::into).unwrap_or_default();
     if !at.is_empty() && r#move.is_none() {
         return Err(PyValueError::new_err("`at` says when moves are asked for: give `move`"));
