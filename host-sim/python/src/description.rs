@@ -116,9 +116,9 @@ impl Drive {
     /// name : str, optional
     ///     How messages name it.
     #[classmethod]
-    #[pyo3(signature = (text, name="text".into()))]
-    fn from_toml(_: &Bound<'_, PyType>, text: String, name: String) -> PyResult<Self> {
-        Self::read(text, name)
+    #[pyo3(signature = (text, name="text"))]
+    fn from_toml(_: &Bound<'_, PyType>, text: String, name: &str) -> PyResult<Self> {
+        Self::read(text, name.into())
     }
 
     /// A drive from the tables of a drive file as a dictionary, such as :meth:`to_dict` gives.
@@ -248,9 +248,9 @@ impl Plant {
     /// name : str, optional
     ///     How messages name it.
     #[classmethod]
-    #[pyo3(signature = (text, name="text".into()))]
-    fn from_toml(_: &Bound<'_, PyType>, text: String, name: String) -> PyResult<Self> {
-        Self::read(text, name)
+    #[pyo3(signature = (text, name="text"))]
+    fn from_toml(_: &Bound<'_, PyType>, text: String, name: &str) -> PyResult<Self> {
+        Self::read(text, name.into())
     }
 
     /// A plant from the tables of a plant or drive file as a dictionary, such as :meth:`Drive.to_dict` gives.

@@ -19,10 +19,10 @@ def same_poles(found, expected, within):
 
 
 def drive_with(loads, seed):
-    """The paper's drive with other springs and masses; weights left to the design."""
+    """The paper's drive with another chain."""
     rng = np.random.default_rng(seed)
     tables = arso.Drive().to_dict()
-    del tables["cost"]
+    tables["cost"].update(position=[225.0] * (loads + 1), velocity=[0.2] * (loads + 1))
     tables["load"] = [
         {"mass": m, "stiffness": k, "damping": c}
         for m, k, c in zip(
@@ -32,7 +32,7 @@ def drive_with(loads, seed):
     return arso.Drive.from_dict(tables)
 
 
-@pytest.mark.parametrize("loads", [1, 2, 3, 4])
+@pytest.mark.parametrize("loads", [1, 2, 3, 6])
 def test_models_and_poles_are_those_of_scipy_and_numpy(loads):
     drive = arso.Drive() if loads == 3 else drive_with(loads, seed=loads)
     design = arso.design(drive)
@@ -97,13 +97,13 @@ def test_the_loop_is_plant_and_controller_in_feedback(design, held):
 def test_margins_are_those_of_python_control(design):
     for held, name in [(False, "drive"), (True, "held")]:
         loop = arso.control_systems(design, held=held).open_loop
-        omega = 2 * np.pi * np.linspace(1, 499, 60_000)
+        omega = 2 * np.pi * np.geomspace(1, 499, 4000)
         response = loop(np.exp(1j * omega * design.sample_time))
         gain, phase, distance, *_ = control.stability_margins(
             control.frd(response, omega, design.sample_time), returnall=True, method="frd"
         )
         found = design.margins[name]
-        assert 20 * np.log10(gain[gain > 1].min()) == pytest.approx(found["gain_margin_db"], abs=0.01)
+        assert 20 * np.log10(gain[gain > 1].min()) == pytest.approx(found["gain_margin_db"], abs=0.02)
         assert abs(phase).min() == pytest.approx(found["phase_margin_deg"], abs=0.05)
         assert 1 / abs(1 + response).min() == pytest.approx(found["peak_sensitivity"], rel=1e-3)
 
@@ -126,7 +126,7 @@ def test_checks_have_a_verdict_each(design):
     assert {check["verdict"] for check in checks} <= {"pass", "warn"}
     assert all(check["name"] and np.isfinite(check["limit"]) for check in checks)
     tables = design.drive.to_dict()
-    tables["control"]["observer"] = "reaction"
+    tables["friction"] = {"coulomb": 20.0}
     refused = arso.design(arso.Drive.from_dict(tables))
     assert "refuse" in {check["verdict"] for check in refused.checks}
     with pytest.raises(RuntimeError, match="refuses it"):
