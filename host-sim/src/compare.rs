@@ -23,6 +23,7 @@ mod laws;
 pub mod moves;
 mod notch;
 mod pd;
+mod rivals;
 mod shaper;
 mod spread;
 mod tune;
@@ -32,6 +33,7 @@ pub use encoder_observer::Settings as EncoderSettings;
 pub use held_out::HeldOut;
 pub use notch::Settings as NotchSettings;
 pub use pd::{DisturbanceSettings, ReferenceSettings, Settings as PdSettings};
+pub use rivals::{FormedRival, Rival, rival_names, tune_rivals};
 pub use shaper::Shaper;
 pub use spread::Spread;
 

@@ -77,6 +77,9 @@ pub enum Error {
     /// The drive cannot be set beside its rivals.
     #[error("nothing was compared: {0}")]
     Comparison(String),
+    /// The sweep is not complete.
+    #[error("the sweep is not complete: {0}")]
+    Sweep(String),
     /// No least time of a motion can be found.
     #[error("no bound was found: {0}")]
     Bound(String),
@@ -130,6 +133,7 @@ impl Error {
             | Error::Simulation(_)
             | Error::Fault { .. }
             | Error::Comparison(_)
+            | Error::Sweep(_)
             | Error::Bound(_)
             | Error::Capture(_)
             | Error::Link(_)

@@ -15,6 +15,7 @@
 //! | [`cli`] | the command line: parses, and words flags |
 //! | [`report`] | everything that is shown: tables, JSON, CSV, plots |
 //! | [`link`] | a drive that is connected: what is asked of it, and what it answers |
+//! | [`sweep`] | many plants and drives, drawn or on a grid, under many laws |
 //! | [`excite`], [`identify`], [`compare`], [`capture`] | what is done with a drive, each by itself |
 //! | [`simulate`] | the closed loop: plant, the control core ([`simulate::corridor`]), scenarios, metrics |
 //! | [`design`] | from a drive to gains, and what is to be said of them |
@@ -42,3 +43,4 @@ pub mod machine;
 pub mod output;
 pub mod report;
 pub mod simulate;
+pub mod sweep;

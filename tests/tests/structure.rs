@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The floors of host-sim from the ground up; a module imports from floors below its own.
-const FLOORS: [&[&str]; 11] = [
+const FLOORS: [&[&str]; 12] = [
     &["error"],
     &["output"],
     &["linear"],
@@ -20,6 +20,7 @@ const FLOORS: [&[&str]; 11] = [
     &["design"],
     &["simulate"],
     &["excite", "identify", "compare", "capture"],
+    &["sweep"],
     &["link"],
     &["report"],
 ];

@@ -3,6 +3,7 @@
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{Read, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -11,6 +12,8 @@ use std::time::Duration;
 pub(super) struct Progress {
     bar: ProgressBar,
     quiet: bool,
+    /// Whether [`Self::rate`] has been told of something.
+    counts: AtomicBool,
     /// Shows the line in time, however long a step takes; ends when its channel does.
     clock: Option<(Sender<()>, JoinHandle<()>)>,
 }
@@ -25,6 +28,7 @@ impl Progress {
         let mut progress = Self {
             bar: bar.with_message(what),
             quiet,
+            counts: AtomicBool::new(false),
             clock: None,
         };
         progress.style("{spinner} {msg} ({elapsed})");
@@ -53,6 +57,19 @@ impl Progress {
         }
         self.bar.set_message(what.to_owned());
         self.bar.set_position(done as u64);
+    }
+
+    /// So many of what there are many of are done, with their rate and the time that is left.
+    pub(super) fn rate(&self, done: u64, of: u64, what: &'static str) {
+        if !self.counts.swap(true, Ordering::Relaxed) {
+            self.style("{bar:24} {pos}/{len} {msg}, {per_sec}, {eta} left ({elapsed})");
+            self.bar.set_length(of);
+            self.bar.set_message(what);
+            // What was done before says nothing of the rate.
+            self.bar.set_position(done);
+            self.bar.reset_eta();
+        }
+        self.bar.set_position(done);
     }
 
     /// A stream whose bytes are counted from the first one on: who waits for it does so for a reason.
