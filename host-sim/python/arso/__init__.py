@@ -24,7 +24,10 @@ from ._arso import (
     compare,
     design,
     learn,
+    merge_sweep,
+    read_sweep,
     simulate,
+    sweep,
 )
 from .systems import ControlSystems, control_systems
 
@@ -41,5 +44,8 @@ __all__ = [
     "control_systems",
     "design",
     "learn",
+    "merge_sweep",
+    "read_sweep",
     "simulate",
+    "sweep",
 ]

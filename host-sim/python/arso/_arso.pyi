@@ -20,7 +20,10 @@ __all__ = [
     "compare",
     "design",
     "learn",
+    "merge_sweep",
+    "read_sweep",
     "simulate",
+    "sweep",
 ]
 
 class DriveFault(RuntimeError):
@@ -176,3 +179,12 @@ def learn(
     *,
     move: float | None = None,
 ) -> Learned: ...
+def sweep(
+    description: str | PathLike[str] | dict[str, Any],
+    out: str | PathLike[str],
+    *,
+    shard: str = "1/1",
+    progress: Callable[[int, int], object] | None = None,
+) -> dict[str, Any]: ...
+def merge_sweep(out: str | PathLike[str], parts: Sequence[str | PathLike[str]]) -> dict[str, Any]: ...
+def read_sweep(path: str | PathLike[str]) -> dict[str, NDArray[Any]]: ...

@@ -299,7 +299,7 @@ fn file(path: &std::path::Path) -> PyResult<String> {
     std::fs::read_to_string(path).map_err(|error| raised(Error::read(path)(error)))
 }
 
-fn toml_of(tables: &Bound<'_, PyDict>) -> PyResult<String> {
+pub(crate) fn toml_of(tables: &Bound<'_, PyDict>) -> PyResult<String> {
     let value: toml::Value = pythonize::depythonize(tables)
         .map_err(|error| PyValueError::new_err(format!("dictionary: no tables of a file: {error}")))?;
     toml::to_string(&value)

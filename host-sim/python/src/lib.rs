@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! TOML --description--> Drive, Plant --design--> Design --simulate--> Run
-//!                                              +--compare, learn, bound--> dictionaries
+//!                                              +--compare, learn, bound, sweep--> dictionaries
 //! ```
 //!
 //! A thin layer: it takes arguments apart, releases the interpreter while host-sim computes, and hands results
@@ -19,6 +19,7 @@ mod design;
 mod errors;
 mod learn;
 mod simulate;
+mod sweep;
 
 /// Bindings of host-sim; use the package `arso`.
 #[pyo3::pymodule]
@@ -35,4 +36,6 @@ mod _arso {
     use super::learn::{Learned, learn};
     #[pymodule_export]
     use super::simulate::{Run, simulate};
+    #[pymodule_export]
+    use super::sweep::{merge_sweep, read_sweep, sweep};
 }
