@@ -11,9 +11,8 @@ made anew by another one. The file is the same, to the byte, as one machine writ
 import sys
 from pathlib import Path
 
-from dask.distributed import Client
-
 import arso
+from dask.distributed import Client
 
 PARTS = 10
 

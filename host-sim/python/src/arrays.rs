@@ -31,7 +31,10 @@ pub(crate) fn poles<'py>(
     py: Python<'py>,
     poles: &[Complex<f64>],
 ) -> Bound<'py, PyArray1<Complex64>> {
-    PyArray1::from_iter(py, poles.iter().map(|pole| Complex64::new(pole.re, pole.im)))
+    PyArray1::from_iter(
+        py,
+        poles.iter().map(|pole| Complex64::new(pole.re, pole.im)),
+    )
 }
 
 /// What host-sim serialises, as dictionaries, lists, numbers and strings.

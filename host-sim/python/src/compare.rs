@@ -57,7 +57,11 @@ pub(crate) fn compare<'py>(
         return Err(unusable("evaluations", evaluations, rule));
     }
     if plants > PLANTS {
-        return Err(unusable("plants", plants, format!("must be {PLANTS} at most")));
+        return Err(unusable(
+            "plants",
+            plants,
+            format!("must be {PLANTS} at most"),
+        ));
     }
     let design = sound(design)?;
     let effort = Effort {
@@ -76,11 +80,7 @@ pub(crate) fn compare<'py>(
                 });
             }
         })?;
-        Ok::<_, Error>(report::comparison::json(
-            &design,
-            &found,
-            &bounds(&design),
-        ))
+        Ok::<_, Error>(report::comparison::json(&design, &found, &bounds(&design)))
     });
     object(py, &found.map_err(raised)?)
 }

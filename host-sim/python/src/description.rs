@@ -282,7 +282,10 @@ impl Plant {
 
 /// The plant that was given (a plant, or the machine that a drive believes in), or a drive's own machine; held against
 /// the drive.
-pub(crate) fn plant_for(given: Option<&Bound<'_, PyAny>>, drive: &Described) -> PyResult<PlantFile> {
+pub(crate) fn plant_for(
+    given: Option<&Bound<'_, PyAny>>,
+    drive: &Described,
+) -> PyResult<PlantFile> {
     let plant = match given {
         None => PlantFile::from(drive),
         Some(given) => match (given.cast::<Plant>(), given.cast::<Drive>()) {
@@ -300,8 +303,9 @@ fn file(path: &std::path::Path) -> PyResult<String> {
 }
 
 pub(crate) fn toml_of(tables: &Bound<'_, PyDict>) -> PyResult<String> {
-    let value: toml::Value = pythonize::depythonize(tables)
-        .map_err(|error| PyValueError::new_err(format!("dictionary: no tables of a file: {error}")))?;
+    let value: toml::Value = pythonize::depythonize(tables).map_err(|error| {
+        PyValueError::new_err(format!("dictionary: no tables of a file: {error}"))
+    })?;
     toml::to_string(&value)
         .map_err(|error| PyValueError::new_err(format!("dictionary: no tables of a file: {error}")))
 }
@@ -310,7 +314,7 @@ fn dictionary<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
     let value: toml::Table = text
         .parse()
         .map_err(|error: toml::de::Error| PyValueError::new_err(error.to_string()))?;
-    let value = serde_json::to_value(value)
-        .map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let value =
+        serde_json::to_value(value).map_err(|error| PyValueError::new_err(error.to_string()))?;
     object(py, &value)
 }

@@ -110,7 +110,11 @@ pub(crate) fn or_default<'py>(
 ) -> PyResult<Bound<'py, Drive>> {
     match drive {
         Some(drive) => Ok(drive),
-        None => py.get_type::<Drive>().call0()?.cast_into().map_err(Into::into),
+        None => py
+            .get_type::<Drive>()
+            .call0()?
+            .cast_into()
+            .map_err(Into::into),
     }
 }
 
@@ -208,7 +212,10 @@ impl Design {
         let all = PyDict::new(py);
         all.set_item("drive", self.assessed(py, |made| json!(made.margins))?)?;
         all.set_item("held", self.assessed(py, |made| json!(made.margins_held))?)?;
-        all.set_item("full_state", self.assessed(py, |made| json!(made.margins_full_state))?)?;
+        all.set_item(
+            "full_state",
+            self.assessed(py, |made| json!(made.margins_full_state))?,
+        )?;
         Ok(all)
     }
 

@@ -137,7 +137,9 @@ pub(crate) fn learn<'py>(
         Err(_) => vec![record.clone()],
     };
     if records.is_empty() {
-        return Err(PyValueError::new_err("`record`: must be one record at least"));
+        return Err(PyValueError::new_err(
+            "`record`: must be one record at least",
+        ));
     }
     let sources = records.iter().enumerate().map(|(number, record)| {
         let name = match records.len() {
@@ -267,7 +269,9 @@ impl Source {
 fn of_sample(error: Error, name: &str) -> Error {
     match error {
         Error::Input { place, message } => {
-            let line = place.strip_prefix(name).and_then(|rest| rest.strip_prefix(':'));
+            let line = place
+                .strip_prefix(name)
+                .and_then(|rest| rest.strip_prefix(':'));
             let sample = line.and_then(|line| line.parse::<usize>().ok()?.checked_sub(2));
             let place = sample.map_or(place, |sample| format!("{name}, sample {sample}"));
             Error::Input { place, message }
@@ -282,7 +286,9 @@ fn array(arrays: &Bound<'_, PyDict>, name: &str, key: &str) -> PyResult<Option<V
         return Ok(None);
     };
     let values: PyArrayLike1<'_, f64, AllowTypeChange> = values.extract().map_err(|_| {
-        PyValueError::new_err(format!("{name}: \"{key}\": must be an array of numbers, (n,)"))
+        PyValueError::new_err(format!(
+            "{name}: \"{key}\": must be an array of numbers, (n,)"
+        ))
     })?;
     Ok(Some(values.as_array().to_vec()))
 }

@@ -166,7 +166,9 @@ pub(crate) fn simulate<'py>(
     let plant = plant_for(plant, &design.drive)?;
     let at: Vec<f64> = at.map(Into::into).unwrap_or_default();
     if !at.is_empty() && r#move.is_none() {
-        return Err(PyValueError::new_err("`at` says when moves are asked for: give `move`"));
+        return Err(PyValueError::new_err(
+            "`at` says when moves are asked for: give `move`",
+        ));
     }
     let asked = match (r#move, step, experiment) {
         (Some(distances), None, None) => {

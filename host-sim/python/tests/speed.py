@@ -1,4 +1,4 @@
-"""How fast `arso.simulate` is beside the same linear loop in numpy (that of test_simulate.py): control periods a second.
+"""How fast `arso.simulate` is beside the same linear loop in numpy: control periods a second.
 
 usage: python host-sim/python/tests/speed.py
 """
@@ -38,7 +38,10 @@ def main():
     periods = 2000
     # The loop runs on after the experiment, for the figures at its end.
     simulated = round((1.2 + WATCHED) / design.sample_time)
-    for law, loop in [("core", lambda: linear_drive(design, 2e-3, periods)), ("full_state", lambda: full_state(design, periods))]:
+    for law, loop in [
+        ("core", lambda: linear_drive(design, 2e-3, periods)),
+        ("full_state", lambda: full_state(design, periods)),
+    ]:
         here = fastest(lambda: arso.simulate(design, step=2e-3, law=law)) / simulated
         there = fastest(loop) / periods
         print(

@@ -74,7 +74,9 @@ def test_the_gain_is_the_regulator_of_the_sampled_cost(design):
         integral += share * flow.T @ (weights[:, None] * flow)
         flow = step @ flow
     integral *= design.sample_time / (6 * parts)
-    gain, _, _ = control.dlqr(design.ad, design.bd[:, None], integral[:n, :n], integral[n:, n:], integral[:n, n:])
+    gain, _, _ = control.dlqr(
+        design.ad, design.bd[:, None], integral[:n, :n], integral[n:, n:], integral[:n, n:]
+    )
     np.testing.assert_allclose(design.k, gain[0], rtol=1e-6)
 
 

@@ -43,7 +43,14 @@ def test_records_that_say_nothing_are_refused(drive, run, tmp_path):
     with pytest.raises(ValueError, match="record, sample 57: .*beyond the drive's current_limit"):
         arso.learn(drive, {"count": run.count, "current": beyond})
     with pytest.raises(ValueError, match="record, sample 3"):
-        arso.learn(drive, {"count": run.count, "current": run.command, "time": np.where(np.arange(len(run)) == 3, np.nan, run.time)})
+        arso.learn(
+            drive,
+            {
+                "count": run.count,
+                "current": run.command,
+                "time": np.where(np.arange(len(run)) == 3, np.nan, run.time),
+            },
+        )
     with pytest.raises(ValueError, match="never changes"):
         arso.learn(drive, {"count": run.count, "current": np.zeros(len(run))})
     with pytest.raises(ValueError, match="200 at least"):
@@ -59,9 +66,7 @@ def test_a_file_is_read_as_its_arrays_are(drive, run, tmp_path):
     record = {"time": run.time[:60], "count": run.count[:60], "current": run.applied_current[:60]}
     path = tmp_path / "record.csv"
     rows = zip(record["time"], record["count"], record["current"])
-    path.write_text(
-        "time[s],count[1],applied_current[A]\n" + "".join(f"{t},{c},{i}\n" for t, c, i in rows)
-    )
+    path.write_text("time[s],count[1],applied_current[A]\n" + "".join(f"{t},{c},{i}\n" for t, c, i in rows))
     sentences = []
     for source in (record, path, str(path)):
         with pytest.raises(ValueError) as caught:
