@@ -16,6 +16,7 @@ pub mod ending;
 pub mod experiment;
 pub mod metrics;
 pub mod plant;
+pub mod proposal;
 pub mod scenario;
 pub mod sequence;
 pub mod stillness;
@@ -95,7 +96,7 @@ impl Run {
     ///
     /// # Errors
     /// [`Error::Fault`], which names the fault and when.
-    pub fn require_no_fault(&self) -> Result<()> {
+    pub(crate) fn require_no_fault(&self) -> Result<()> {
         let Some((time, fault)) = self.fault else {
             return Ok(());
         };

@@ -12,7 +12,7 @@ use host_sim::error::{Error, Result};
 use host_sim::identify::{Columns, Experiment, Log, Parameters, drive_file, identify};
 use host_sim::output::unwatched;
 use host_sim::report::learning::{self, Learned as Told};
-use host_sim::simulate::benefit::Proposal;
+use host_sim::simulate::proposal::Proposal;
 use host_sim::simulate::sequence::require_a_count;
 use numpy::{AllowTypeChange, PyArrayLike1};
 use pyo3::exceptions::PyValueError;

@@ -6,7 +6,7 @@ use crate::design::sound;
 use crate::errors::{DriveFault, raised, unusable};
 use host_sim::design::Design;
 use host_sim::drive::PlantFile;
-use host_sim::error::Result;
+use host_sim::error::{Error, Result};
 use host_sim::simulate::corridor::{Record, estimate};
 use host_sim::simulate::experiment::{Experiment, require_duration};
 use host_sim::simulate::metrics::Metrics;
@@ -194,13 +194,18 @@ pub(crate) fn simulate<'py>(
     let (run, judged) = py
         .detach(|| asked.simulate(&design, &plant, law, duration))
         .map_err(raised)?;
-    let failed = run.require_no_fault();
-    let run = made(py, &run, &judged)?;
-    match failed {
-        Ok(()) => Ok(run),
-        Err(error) => {
+    let series = made(py, &run, &judged)?;
+    match run.fault {
+        None => Ok(series),
+        Some((time, fault)) => {
+            let error = Error::Fault {
+                experiment: run.scenario.name,
+                time,
+                number: fault.number(),
+                fault: format!("{fault:?}"),
+            };
             let fault = DriveFault::new_err(error.to_string());
-            fault.value(py).setattr("run", Py::new(py, run)?)?;
+            fault.value(py).setattr("run", Py::new(py, series)?)?;
             Err(fault)
         }
     }
