@@ -22,6 +22,22 @@ use std::time::Duration;
 /// How often signals and progress are looked at.
 const LOOK: Duration = Duration::from_millis(100);
 
+/// Where a sweep is described.
+enum Described {
+    File(PathBuf),
+    /// As TOML.
+    Tables(String),
+}
+
+impl Described {
+    fn read(&self) -> Result<Sweep, Error> {
+        match self {
+            Self::File(path) => Sweep::load(path),
+            Self::Tables(text) => Sweep::parse(text, "dictionary", Path::new("")),
+        }
+    }
+}
+
 /// Runs many plants and drives, drawn at random or on a grid, under many laws, on all cores; the figures go to a
 /// Parquet file, which pandas, polars and DuckDB read as well as :func:`read_sweep`.
 ///
@@ -64,19 +80,13 @@ pub(crate) fn sweep<'py>(
     let shard: Shard = shard
         .parse()
         .map_err(|rule: String| unusable("shard", shard, rule))?;
-    let read = match description.cast::<PyDict>() {
-        Ok(tables) => {
-            let text = toml_of(tables)?;
-            py.detach(|| Sweep::parse(&text, "dictionary", Path::new("")))
-        }
+    let described = match description.cast::<PyDict>() {
+        Ok(tables) => Described::Tables(toml_of(tables)?),
         Err(_) => {
-            let path: PathBuf = description
-                .extract()
-                .map_err(|_| no_such(description, "description", "a path or a dictionary"))?;
-            py.detach(|| Sweep::load(&path))
+            let path = description.extract().map(Described::File);
+            path.map_err(|_| no_such(description, "description", "a path or a dictionary"))?
         }
     };
-    let sweep = read.map_err(raised)?;
     let (stop, made, all) = (AtomicBool::new(false), AtomicU64::new(0), AtomicU64::new(0));
     let looked_at = |seen: &mut u64| -> PyResult<()> {
         Python::attach(|py| {
@@ -92,6 +102,7 @@ pub(crate) fn sweep<'py>(
         })
     };
     let summary = py.detach(|| {
+        let sweep = described.read().map_err(raised)?;
         std::thread::scope(|scope| {
             let asking = std::thread::current();
             let (sweep, out, stop) = (&sweep, &out, &stop);
