@@ -61,12 +61,12 @@ pub(super) fn choose(
         .filter(|name| designed(name).is_none())
         .collect();
     let rivals = tune_rivals(design, scenario, &rivals, evaluations, progress)?;
-    let chosen = names.iter().filter_map(|name| match designed(name) {
-        Some((_, law)) => Some(Chosen::Designed(*law)),
-        None => {
-            let rival = rivals.iter().find(|rival| rival.name() == name)?;
-            Some(Chosen::Rival(rival.clone()))
+    let chosen = names.iter().filter_map(|name| {
+        if let Some((_, law)) = designed(name) {
+            return Some(Chosen::Designed(*law));
         }
+        let rival = rivals.iter().find(|rival| rival.name() == name)?;
+        Some(Chosen::Rival(rival.clone()))
     });
     Ok(chosen.collect())
 }

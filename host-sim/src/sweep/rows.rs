@@ -12,8 +12,11 @@ pub(super) const SETTLING: &str = "settling_time";
 pub(super) const FAULT: &str = "fault";
 pub(super) const FAILURE: &str = "failure";
 
+/// What a column is of a run.
+type OfRun = Box<dyn Fn(&Metrics) -> Option<f64> + Sync>;
+
 /// A column of figures: its name, and what it is of a run.
-type Figure = (String, Box<dyn Fn(&Metrics) -> Option<f64> + Sync>);
+type Figure = (String, OfRun);
 
 /// How a run and a sample become a row.
 pub(super) struct Rows {
@@ -88,7 +91,7 @@ impl Rows {
 /// All figures of a run, in the order of their columns; names as in the JSON of `simulate`.
 fn figures(loads: usize) -> Vec<Figure> {
     let mut all: Vec<Figure> = Vec::new();
-    let mut add = |name: &str, figure: Box<dyn Fn(&Metrics) -> Option<f64> + Sync>| {
+    let mut add = |name: &str, figure: OfRun| {
         all.push((name.into(), figure));
     };
     add(SETTLING, Box::new(|m| m.settling_time));
