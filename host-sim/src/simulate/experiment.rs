@@ -25,7 +25,8 @@ const LONGEST: f64 = 1e6;
 /// What it must be.
 pub fn require_duration(duration: f64, period: f64, last: f64) -> std::result::Result<(), String> {
     // Written so that what is no number is refused.
-    if !(duration / period >= 2.0) {
+    let long_enough = duration / period >= 2.0;
+    if !long_enough {
         return Err(format!(
             "must be two control periods of {period} s at least"
         ));
