@@ -43,6 +43,7 @@ const PLANTS: usize = 100_000;
 /// RuntimeError
 ///     For a design that the checks refuse, or that cannot be compared.
 #[pyfunction]
+#[allow(clippy::needless_pass_by_value, reason = "what Python hands over")]
 #[pyo3(signature = (design, *, evaluations=1200, plants=50, progress=None))]
 pub(crate) fn compare<'py>(
     py: Python<'py>,

@@ -73,14 +73,8 @@ impl Drive {
     /// Its design, where that may run.
     pub(crate) fn sound(&self, py: Python<'_>) -> PyResult<Arc<Design>> {
         let design = self.design(py)?;
-        let refusal = match self.refusal.get() {
-            Some(refusal) => refusal,
-            None => {
-                let refusal = py.detach(|| require_sound(&design)).err();
-                self.refusal
-                    .get_or_init(|| refusal.map(|error| error.to_string()))
-            }
-        };
+        let found = || require_sound(&design).err().map(|error| error.to_string());
+        let refusal = py.detach(|| self.refusal.get_or_init(found));
         match refusal {
             None => Ok(design),
             Some(sentence) => Err(PyRuntimeError::new_err(sentence.clone())),

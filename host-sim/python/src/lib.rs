@@ -9,8 +9,14 @@
 //! out, matrices and time series as arrays (`arrays`), all else as host-sim serialises it for JSON. Errors are
 //! host-sim's sentences (`errors`). What needs python-control is written in Python (`arso/systems.py`).
 
-// What can fail says so in the docstring that Python shows.
-#![allow(clippy::missing_errors_doc)]
+// Docstrings are Python's, in the style of numpydoc; what can fail says so in them.
+#![allow(
+    clippy::missing_errors_doc,
+    clippy::doc_markdown,
+    clippy::doc_link_with_quotes
+)]
+// A drive's `drive` is host-sim's description of it.
+#![allow(clippy::struct_field_names)]
 
 mod arrays;
 mod compare;

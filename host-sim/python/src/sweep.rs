@@ -80,12 +80,11 @@ pub(crate) fn sweep<'py>(
     let shard: Shard = shard
         .parse()
         .map_err(|rule: String| unusable("shard", shard, rule))?;
-    let described = match description.cast::<PyDict>() {
-        Ok(tables) => Described::Tables(toml_of(tables)?),
-        Err(_) => {
-            let path = description.extract().map(Described::File);
-            path.map_err(|_| no_such(description, "description", "a path or a dictionary"))?
-        }
+    let described = if let Ok(tables) = description.cast::<PyDict>() {
+        Described::Tables(toml_of(tables)?)
+    } else {
+        let path = description.extract().map(Described::File);
+        path.map_err(|_| no_such(description, "description", "a path or a dictionary"))?
     };
     let (stop, made, all) = (AtomicBool::new(false), AtomicU64::new(0), AtomicU64::new(0));
     let looked_at = |seen: &mut u64| -> PyResult<()> {
