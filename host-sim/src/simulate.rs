@@ -16,6 +16,7 @@ pub mod ending;
 pub mod experiment;
 pub mod metrics;
 pub mod plant;
+pub mod proposal;
 pub mod scenario;
 pub mod sequence;
 pub mod stillness;

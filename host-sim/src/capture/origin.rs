@@ -1,7 +1,7 @@
 //! Which drive a log is of.
 
 use crate::design::Design;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::machine::Kind;
 use crate::simulate::corridor::fingerprint;
 use arso_core::Identity;
@@ -63,6 +63,37 @@ impl Origin {
             period: short(period as f32),
             fingerprint: u32::from_str_radix(fingerprint, 16).ok()?,
         })
+    }
+
+    /// Of a record that says of which drive it is, what differs from a drive, in words; empty when nothing does.
+    ///
+    /// * `mark`: what it says, of a record with a `period`, s; `name` is its own
+    /// * `design`: what ran, where there are gains for that
+    ///
+    /// # Errors
+    /// [`Error::Input`] for what is no mark, [`Error::Usage`] for the other kind of drive.
+    pub fn of_record(
+        (name, mark, period): (&str, &str, f64),
+        kind: Kind,
+        design: Option<&Design>,
+    ) -> Result<Vec<String>> {
+        let said = Self::marked(mark, period).ok_or_else(|| Error::Input {
+            place: name.to_owned(),
+            message: format!(
+                "drive[name] = \"{mark}\": must be kind, loads and fingerprint as `capture` writes them"
+            ),
+        })?;
+        if said.kind != kind {
+            return Err(Error::Usage(format!(
+                "the log is of a {} drive, and the drive file describes a {} one",
+                said.kind.name(),
+                kind.name()
+            )));
+        }
+        match design {
+            Some(design) => Ok(said.differences(&Self::of(design)?)),
+            None => Ok(Vec::new()),
+        }
     }
 
     /// In words, what differs from another drive, this one first; empty when nothing does.

@@ -4,11 +4,10 @@ use super::drive_argument::DriveArgument;
 use super::progress::Progress;
 use crate::design::paper;
 use crate::drive::PlantFile;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::output::print;
 use crate::report::bound::{json, text};
-use crate::simulate::bound::bound;
-use crate::simulate::scenario::{SCENARIOS, Scenario};
+use crate::simulate::bound::step_bound;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -32,9 +31,6 @@ pub(super) struct BoundCommand {
     json: bool,
 }
 
-/// Shortest and longest distance, m.
-const DISTANCES: (f64, f64) = (1e-9, 1e6);
-
 impl BoundCommand {
     pub(super) fn run(self, quiet: bool) -> Result<()> {
         let drive = self.drive.load()?;
@@ -42,21 +38,9 @@ impl BoundCommand {
             None => PlantFile::from(&drive),
             Some(path) => PlantFile::load(path)?,
         };
-        plant.require_fit(&drive)?;
-        let (shortest, longest) = DISTANCES;
-        if !(shortest..=longest).contains(&self.distance.abs()) {
-            let unit = drive.kind.units().position;
-            let rule = format!("must be from {shortest:e} to {longest:e} {unit}");
-            return Err(Error::parameter("distance", self.distance, rule));
-        }
-        let step = Scenario {
-            target: self.distance,
-            ..SCENARIOS[0]
-        };
         let progress = Progress::new(quiet, "bound");
-        let found = bound(&drive, &plant, &step);
+        let found = step_bound(&drive, &plant, self.distance)?;
         drop(progress);
-        let found = found.map_err(|why| Error::Bound(why.to_string()))?;
         if self.json {
             let json = json(&drive, &plant, self.distance, &found);
             return print(&format!("{json:#}\n"));

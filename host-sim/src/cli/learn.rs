@@ -3,19 +3,16 @@
 use super::progress::Progress;
 use super::records::{DescribedDrive, held_by_default};
 use super::watch::Watch;
-use crate::design::Design;
-use crate::design::assessment::sound;
 use crate::design::checks::Check;
-use crate::drive::{Drive, PlantFile};
+use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::identify::{Columns, Experiment, Identification, drive_file};
 use crate::output::{print, write_file};
 use crate::report::learning::{self, Learned};
 use crate::simulate::benefit::Benefit;
 use crate::simulate::corridor::gains_source;
-use crate::simulate::scenario::Scenario;
+use crate::simulate::proposal::Proposal;
 use crate::simulate::sequence::require_a_count;
-use crate::simulate::stillness::stillness;
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -142,33 +139,15 @@ impl LearnCommand {
         drive: &Drive,
         toml: &Path,
     ) -> Result<(Benefit, Vec<Check>)> {
-        let design = Design::new(drive)?;
-        let mut checks = sound(&design)?;
-        checks.push(stillness(&design)?);
-        let plant = PlantFile::from(drive);
-        let benefit = Benefit::new(old.design(), &design, &plant, self.distance(drive))?;
-        if let Some(fault) = benefit.after.fault {
-            return Err(Error::Design(format!(
-                "with the new gains the drive stops with fault {fault} in the planned move"
-            )));
-        }
+        let Proposal {
+            design,
+            checks,
+            benefit,
+        } = Proposal::new(old.design(), drive, self.distance)?;
         let origin = toml.file_name().unwrap_or(toml.as_os_str());
         let source = gains_source(&design, &origin.to_string_lossy())?;
         write_file(&self.rust, source.as_bytes())?;
         Ok((benefit, checks))
-    }
-
-    /// Of the move: what was asked for, or what there is room for from the origin.
-    fn distance(&self, drive: &Drive) -> f64 {
-        let usual = Scenario::PLANNED.target;
-        self.distance
-            .unwrap_or_else(|| match drive.protection.travel {
-                Some([lowest, highest]) if highest < usual && -lowest > highest => {
-                    lowest.max(-usual)
-                }
-                Some([_, highest]) => highest.min(usual),
-                None => usual,
-            })
     }
 
     fn found(&self, identification: &Identification) -> String {

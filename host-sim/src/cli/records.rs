@@ -86,24 +86,10 @@ impl DescribedDrive {
         let Some(mark) = &log.drive else {
             return Ok(());
         };
-        let said = Origin::marked(mark, log.period).ok_or_else(|| Error::Input {
-            place: log.name.clone(),
-            message: format!(
-                "drive[name] = \"{mark}\": must be kind, loads and fingerprint as `capture` writes them"
-            ),
-        })?;
-        if said.kind != self.drive.kind {
-            return Err(Error::Usage(format!(
-                "the log is of a {} drive, and the drive file describes a {} one",
-                said.kind.name(),
-                self.drive.kind.name()
-            )));
-        }
         // A description for which there are no gains is not that of a drive that ran.
-        let Ok(design) = self.design() else {
-            return Ok(());
-        };
-        let differences = said.differences(&Origin::of(design)?);
+        let design = self.design().ok();
+        let record = (&*log.name, &**mark, log.period);
+        let differences = Origin::of_record(record, self.drive.kind, design)?;
         if !differences.is_empty() {
             eprintln!(
                 "warning: the log is not of the drive that {} describes: it is of one with {}; what is taken \

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::output::{print, write_file};
 use crate::report::{csv::csv, design, experiments, run};
 use crate::simulate::Run;
-use crate::simulate::experiment::{Experiment, Judged};
+use crate::simulate::experiment::{Experiment, Judged, require_duration};
 use crate::simulate::scenario::{SCENARIOS, Scenario};
 use crate::simulate::sequence::{MoveSequence, whole_counts};
 use clap::Args;
@@ -61,9 +61,6 @@ pub(super) struct Simulate {
     csv: bool,
 }
 
-/// Longest experiment, in control periods: every one is kept.
-const LONGEST: f64 = 1e6;
-
 fn scenario_names() -> PossibleValuesParser {
     PossibleValuesParser::new(SCENARIOS.iter().map(|scenario| scenario.name))
 }
@@ -86,7 +83,7 @@ impl Simulate {
             Some(path) => PlantFile::load(path)?,
         };
         plant.require_fit(&drive)?;
-        self.require_duration(drive.control.sample_time)?;
+        self.require_duration(drive.control.sample_time, 0.0)?;
         let design = Design::new(&drive)?;
         require_sound(&design)?;
         let experiments = self.experiments(&design)?;
@@ -154,13 +151,9 @@ impl Simulate {
         if !self.moves.is_empty() {
             let sequence = MoveSequence::new(design, &self.moves, &self.at)?;
             self.say_what_is_rounded(design, &sequence);
-            let last = sequence.moves().last().map_or(0, |last| last.at);
-            let begins = last as f64 * design.drive.control.sample_time;
-            if let Some(duration) = self.duration.filter(|duration| *duration <= begins) {
-                return Err(Error::Usage(format!(
-                    "--duration {duration}: the last move begins at {begins} s only"
-                )));
-            }
+            let last = sequence.moves().last();
+            let period = design.drive.control.sample_time;
+            self.require_duration(period, last.map_or(0.0, |last| sequence.time(last)))?;
             return Ok(vec![Experiment::Moves(sequence)]);
         }
         if self.scenario.is_empty() {
@@ -186,23 +179,13 @@ impl Simulate {
         }
     }
 
-    /// Two control periods at least, and no more than can be kept.
-    fn require_duration(&self, period: f64) -> Result<()> {
+    /// * `last`: when the last move begins, s
+    fn require_duration(&self, period: f64, last: f64) -> Result<()> {
         let Some(duration) = self.duration else {
             return Ok(());
         };
-        let wrong = |rule: String| Err(Error::Usage(format!("--duration {duration}: {rule}")));
-        if duration / period < 2.0 {
-            return wrong(format!(
-                "must be two control periods of {period} s at least"
-            ));
-        }
-        if duration / period > LONGEST {
-            return wrong(format!(
-                "must be {LONGEST} control periods of {period} s at most"
-            ));
-        }
-        Ok(())
+        require_duration(duration, period, last)
+            .map_err(|rule| Error::Usage(format!("--duration {duration}: {rule}")))
     }
 
     /// Length of an experiment, s.

@@ -94,6 +94,13 @@ impl DriveLoop {
         }
     }
 
+    /// `A`, `b`, `c` and `d` of the drive; what the memory holds: position, m, and command, A, of the period before,
+    /// eight memories of the force observers, the states of the state observer.
+    #[must_use]
+    pub fn matrices(&self) -> (&DMatrix<f64>, &DVector<f64>, &RowDVector<f64>, f64) {
+        (&self.transition, &self.input, &self.output, self.through)
+    }
+
     /// The rows of the disturbance found and of the innovation over the state of [`closed`](Self::closed), N.
     ///
     /// * `plant`: states of the plant

@@ -3,10 +3,11 @@
 //! That of [`minimum_time`](crate::chain::minimum_time), for the plant as it is, with as much current as drive
 //! and amplifier both allow, but without Coulomb friction and forces from outside.
 
-use super::scenario::Scenario;
+use super::scenario::{SCENARIOS, Scenario};
 use crate::chain::controlled_mass;
 use crate::chain::minimum_time::{MinimumTime, Task, minimum_time};
 use crate::drive::{Drive, PlantFile, SETTLING_BAND};
+use crate::error::{self, Error};
 use crate::linear::Result;
 use crate::machine::chain_of;
 use nalgebra::DVector;
@@ -24,6 +25,31 @@ pub fn bound(drive: &Drive, plant: &PlantFile, scenario: &Scenario) -> Bound {
     let chain = chain_of(&plant.actuator, &plant.loads, plant.friction.viscous);
     let start = scenario.initial_state(&chain);
     bound_from(drive, plant, &start, scenario.target)
+}
+
+/// Shortest and longest distance, m.
+const DISTANCES: (f64, f64) = (1e-9, 1e6);
+
+/// The bound of a step from rest.
+///
+/// * `distance`: m; the sign is of no account
+///
+/// # Errors
+/// [`Error::Usage`] for a plant of another make than the drive, [`Error::Parameter`] for a distance that is none,
+/// [`Error::Bound`] where there is no bound.
+pub fn step_bound(drive: &Drive, plant: &PlantFile, distance: f64) -> error::Result<MinimumTime> {
+    plant.require_fit(drive)?;
+    let (shortest, longest) = DISTANCES;
+    if !(shortest..=longest).contains(&distance.abs()) {
+        let unit = drive.kind.units().position;
+        let rule = format!("must be from {shortest:e} to {longest:e} {unit}");
+        return Err(Error::parameter("distance", distance, rule));
+    }
+    let step = Scenario {
+        target: distance,
+        ..SCENARIOS[0]
+    };
+    bound(drive, plant, &step).map_err(|why| Error::Bound(why.to_string()))
 }
 
 /// The bound of a motion from any state.

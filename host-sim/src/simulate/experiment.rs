@@ -13,6 +13,34 @@ use crate::machine::Kind;
 
 /// Length of a named experiment, s.
 const DURATION: f64 = 1.2;
+/// Longest experiment, in control periods: every one is kept.
+const LONGEST: f64 = 1e6;
+
+/// Whether an experiment can be so long.
+///
+/// * `duration`, `period`: s
+/// * `last`: when the last thing is asked for, s
+///
+/// # Errors
+/// What it must be.
+pub fn require_duration(duration: f64, period: f64, last: f64) -> std::result::Result<(), String> {
+    // Written so that what is no number is refused.
+    let long_enough = duration / period >= 2.0;
+    if !long_enough {
+        return Err(format!(
+            "must be two control periods of {period} s at least"
+        ));
+    }
+    if duration / period > LONGEST {
+        return Err(format!(
+            "must be {LONGEST} control periods of {period} s at most"
+        ));
+    }
+    if last > 0.0 && duration <= last {
+        return Err(format!("the last move begins at {last} s only"));
+    }
+    Ok(())
+}
 
 /// What is simulated.
 #[derive(Clone, Debug)]

@@ -1,0 +1,3 @@
+//! Nothing is to be done: dependencies of a build are those of a script.
+
+fn main() {}
