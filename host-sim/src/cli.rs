@@ -22,6 +22,7 @@ mod record;
 mod records;
 mod shell;
 mod simulate;
+mod tune;
 mod watch;
 mod wording;
 
@@ -60,6 +61,7 @@ enum Command {
     Paper(paper::PaperCommand),
     Record(record::RecordCommand),
     Simulate(simulate::Simulate),
+    Tune(tune::TuneCommand),
     Completions(shell::CompletionsCommand),
     Man(shell::ManCommand),
     Schema(shell::SchemaCommand),
@@ -106,6 +108,7 @@ impl Cli {
             Some(Command::Paper(command)) => command.run(quiet),
             Some(Command::Record(command)) => command.run(quiet),
             Some(Command::Simulate(command)) => command.run(quiet),
+            Some(Command::Tune(command)) => command.run(quiet),
             Some(Command::Completions(command)) => command.run(),
             Some(Command::Man(command)) => command.run(quiet),
             Some(Command::Schema(command)) => command.run(),

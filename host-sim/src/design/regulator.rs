@@ -8,6 +8,7 @@ use super::weights::PerformanceIndex;
 use crate::chain::Chain;
 use crate::linear::Result;
 use crate::linear::dlqr::{Regulator, dlqr};
+use nalgebra::RowDVector;
 
 /// Feedback gain `K`, order `x_a v_a x_1 v_1 …`, and the relative residual of its Riccati equation.
 ///
@@ -16,6 +17,14 @@ use crate::linear::dlqr::{Regulator, dlqr};
 pub fn regulator(chain: &Chain, index: &PerformanceIndex, sample_time: f64) -> Result<Regulator> {
     let weights = index.state_weights();
     dlqr(&chain.a(), &chain.b(), &weights, index.current, sample_time)
+}
+
+/// A gain that is stated mass by mass, actuator first, A/m and A s/m, in the order of the states.
+#[must_use]
+pub fn of_masses(position: &[f64], velocity: &[f64]) -> RowDVector<f64> {
+    let masses = position.iter().zip(velocity);
+    let each = masses.flat_map(|(position, velocity)| [*position, *velocity]);
+    RowDVector::from_vec(each.collect())
 }
 
 #[cfg(test)]

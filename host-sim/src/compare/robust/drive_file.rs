@@ -1,0 +1,46 @@
+//! The drive file with a tuned gain, observer and plan in it: everything else, comments included, stays as it was.
+//!
+//! `[gain]` stands where `[cost]` stood, which it replaces.
+
+use crate::drive::edit::set;
+use crate::drive::{Drive, Weights};
+use crate::error::{Error, Result};
+use toml_edit::{Array, DocumentMut, Item, Table};
+
+/// The text of a drive file with what was found for it.
+///
+/// * `text`: the file that was tuned
+/// * `tuned`: what was found
+///
+/// # Errors
+/// [`Error::Comparison`] when the text is no drive file.
+pub fn drive_file(text: &str, tuned: &Drive) -> Result<String> {
+    let mut document: DocumentMut = text.parse().map_err(|error| {
+        Error::Comparison(format!("the drive file cannot be rewritten: {error}"))
+    })?;
+    if let Weights::Gain { position, velocity } = &tuned.cost.weights {
+        let place = document.get("cost").and_then(Item::as_table).and_then(Table::position);
+        document.remove("cost");
+        let gain = table(&mut document, "gain");
+        if let (Some(place), Some(table)) = (place, gain.as_table_mut()) {
+            table.set_position(Some(place));
+        }
+        set(gain, "position", position.iter().copied().collect::<Array>());
+        set(gain, "velocity", velocity.iter().copied().collect::<Array>());
+    }
+    let observer = table(&mut document, "observer");
+    if observer.get("design").is_some() {
+        set(observer, "design", "kalman");
+    }
+    set(observer, "load_force_ratio", tuned.observer.load_force_ratio);
+    set(observer, "disturbance_rate", tuned.observer.disturbance_rate);
+    if let Some(share) = tuned.motion.current_share {
+        set(table(&mut document, "move"), "current_share", share);
+    }
+    Ok(document.to_string())
+}
+
+/// A table of the file; one that is not there yet is added.
+fn table<'d>(document: &'d mut DocumentMut, name: &str) -> &'d mut Item {
+    document.entry(name).or_insert(Item::Table(Table::new()))
+}
