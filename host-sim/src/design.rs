@@ -116,13 +116,14 @@ impl Design {
             )));
         }
         let (ad, bd) = zero_order_hold(&chain.a(), &chain.b(), sample_time);
-        let (index, riccati_residual, gain) = if let Weights::Gain { position, velocity } = &drive.cost.weights {
-            (None, None, regulator::of_masses(position, velocity))
-        } else {
-            let index = PerformanceIndex::new(&drive.cost, &chain, sample_time)?;
-            let found = regulator::regulator(&chain, &index, sample_time)?;
-            (Some(index), Some(found.residual), found.gain)
-        };
+        let (index, riccati_residual, gain) =
+            if let Weights::Gain { position, velocity } = &drive.cost.weights {
+                (None, None, regulator::of_masses(position, velocity))
+            } else {
+                let index = PerformanceIndex::new(&drive.cost, &chain, sample_time)?;
+                let found = regulator::regulator(&chain, &index, sample_time)?;
+                (Some(index), Some(found.residual), found.gain)
+            };
         let closed = &ad - &bd * &gain;
         require_stable("the regulator", &closed)?;
         let decay = decay(&eigenvalues(&closed)?, sample_time);
@@ -352,6 +353,16 @@ impl Design {
         }
         let table = plans::plan_table(self)?;
         Ok(self.plans.get_or_init(|| table))
+    }
+
+    /// The same with the plans of another design for the same machine under the same limits, where that has made them:
+    /// they do not depend on gain and observer.
+    #[must_use]
+    pub(crate) fn with_plans_of(self, other: &Self) -> Self {
+        Self {
+            plans: other.plans.clone(),
+            ..self
+        }
     }
 
     /// Number of load masses `N`.

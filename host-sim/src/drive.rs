@@ -336,7 +336,8 @@ impl Drive {
             },
             (None, None) => Cost::derived(actuator.current_limit, loads.len()),
             (Some(_), Some(gain)) => {
-                let message = "[gain] and [cost] both say what the feedback is to be: leave one of them out";
+                let message =
+                    "[gain] and [cost] both say what the feedback is to be: leave one of them out";
                 return Err(document.error(Some(gain.span()), message.into()));
             }
         };

@@ -117,7 +117,11 @@ impl TuneCommand {
             return Err(Error::parameter("distance", self.distance, rule));
         }
         let task = Task {
-            approach: if self.step { Approach::Step } else { Approach::Move },
+            approach: if self.step {
+                Approach::Step
+            } else {
+                Approach::Move
+            },
             distance: self.distance,
             ranges: self.ranges(stated)?,
             tuned_on: self.tuned_on as usize,
@@ -127,7 +131,9 @@ impl TuneCommand {
         };
         let design = Design::new(stated)?;
         require_sound(&design)?;
-        let found = tune(&design, &task, &|done, of, what| progress.step(done, of, what))?;
+        let found = tune(&design, &task, &|done, of, what| {
+            progress.step(done, of, what);
+        })?;
         drop(progress);
         if let Some(path) = &self.toml {
             write_file(path, drive_file(&file.text, &found.drive)?.as_bytes())?;
@@ -138,7 +144,11 @@ impl TuneCommand {
         if quiet {
             return Ok(());
         }
-        let mut text = format!("drive: {}\n{}", file.shown(), report::text(&design, &task, &found));
+        let mut text = format!(
+            "drive: {}\n{}",
+            file.shown(),
+            report::text(&design, &task, &found)
+        );
         if let Some(path) = &self.toml {
             text += &format!("Drive file: {}\n", path.display());
         }
@@ -159,13 +169,24 @@ impl TuneCommand {
         let given = [
             ("stiffness", self.stiffness, &mut ranges.stiffness, FACTORS),
             ("last-load", self.last_load, &mut ranges.last_load, FACTORS),
-            ("force-constant", self.force_constant, &mut ranges.force_constant, FACTORS),
+            (
+                "force-constant",
+                self.force_constant,
+                &mut ranges.force_constant,
+                FACTORS,
+            ),
             ("friction", self.friction, &mut ranges.friction, newtons),
         ];
         for (name, given, range, [least, most]) in given {
-            let Some(Range([low, high])) = given else { continue };
+            let Some(Range([low, high])) = given else {
+                continue;
+            };
             if !(least <= low && low <= high && high <= most) {
-                let unit = if name == "friction" { drive.kind.units().force } else { "times what the file states" };
+                let unit = if name == "friction" {
+                    drive.kind.units().force
+                } else {
+                    "times what the file states"
+                };
                 let rule = format!("must rise, from {least} to {most} {unit} at most");
                 return Err(Error::parameter(name, format!("{low}:{high}"), rule));
             }

@@ -232,7 +232,13 @@ fn tuned_drive<'a>(design: &'a Design, scenario: &'a Scenario) -> Tuned<'a> {
     // A drive that states its gain has no weights: those of a rigid drive as slow as the slowest mode then.
     let weights = design.index.as_ref().map_or_else(
         || vec![1.0; 2 * masses],
-        |index| [own(&index.position, position), own(&index.velocity, velocity)].concat(),
+        |index| {
+            [
+                own(&index.position, position),
+                own(&index.velocity, velocity),
+            ]
+            .concat()
+        },
     );
     let start = [weights, densities.to_vec()].concat();
     let mut ends = vec![WEIGHTS; 2 * masses];

@@ -35,6 +35,7 @@ use super::moves::{Figures, still_after, watched};
 use super::tune::{self, Moving};
 use super::{Case, Spread, Tuning, duration, require_comparable};
 use crate::design::Design;
+use crate::design::assessment::require_sound;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::output::Progress;
@@ -84,16 +85,16 @@ pub struct Judged {
     pub plan: Option<(f64, f64)>,
     /// What the tuning has made least, `J`, s; none where nothing was tuned.
     pub criterion: Option<f64>,
-    /// Settling time of the controlled mass to 2 %, at rest at the end, s.
+    /// Settling time of the controlled mass to 2 %, s: after which it stays within the band, whatever moves within it.
     pub settled: Spread,
-    /// After which the controlled mass stays within the band, whatever moves at the end, s.
-    pub within_band: Spread,
+    /// The same where all is at rest at the end, s; a load that friction no longer lets the actuator damp is not.
+    pub settled_and_at_rest: Spread,
     /// Largest current, A.
     pub peak_current: Spread,
     /// Plants on which it does not settle to 2 %.
     pub not_settled: usize,
-    /// On which it does not stay within the band.
-    pub not_within_band: usize,
+    /// On which it does not, or is not at rest at the end.
+    pub not_at_rest: usize,
     /// On which its actuator goes on moving by more than what counts as rest.
     pub hunting: usize,
     /// On which the drive stopped itself, or the run could not be made.
@@ -137,8 +138,20 @@ pub fn tune(design: &Design, task: &Task, progress: &Progress<'_>) -> Result<Fou
         period: design.drive.control.sample_time,
         tuned_for: TUNED_FOR * duration(design),
         idle: IDLE_CURRENT * design.drive.actuator.current_limit,
-        tuned_on: plants::draw(&design.drive, &task.ranges, plants::Stream::TunedOn, task.tuned_on, task.seed),
-        judged_on: plants::draw(&design.drive, &task.ranges, plants::Stream::JudgedOn, task.judged_on, task.seed),
+        tuned_on: plants::draw(
+            &design.drive,
+            &task.ranges,
+            plants::Stream::TunedOn,
+            task.tuned_on,
+            task.seed,
+        ),
+        judged_on: plants::draw(
+            &design.drive,
+            &task.ranges,
+            plants::Stream::JudgedOn,
+            task.judged_on,
+            task.seed,
+        ),
     };
     let families = families::all(design, &plans, &bench.scenario);
     let count = families.len() + 1;
@@ -152,21 +165,26 @@ pub fn tune(design: &Design, task: &Task, progress: &Progress<'_>) -> Result<Fou
             let what = format!("{}, {made} of {}", family.name, task.evaluations);
             progress(done + 1, count, &what);
         };
-        let wider = before.iter().find(|(name, _)| family.contains == Some(name));
-        if let Some((_, point)) = wider {
-            family.space.starts.push((family.widened)(point));
+        if let Some(part) = &family.contains {
+            let points = before.iter().filter(|(name, _)| *name == part.name);
+            let points: Vec<_> = points.map(|(_, point)| part.widened(point)).collect();
+            family.space.starts.extend(points);
         }
         let cost = |point: &[f64]| bench.criterion(&family, point);
         let (point, criterion) = tune::search(&family.space, task.evaluations, &cost, &told);
         let law = (family.form)(&point).map_err(|error| {
-            Error::Comparison(format!("{} cannot be formed for this drive: {error}", family.name))
+            Error::Comparison(format!(
+                "{} cannot be formed for this drive: {error}",
+                family.name
+            ))
         })?;
         let mut judged = match law.drive {
             // As it is sold: by its own plans, with its own limits.
             Some(drive) => {
-                let design = Design::new(&drive)?;
-                crate::design::assessment::require_sound(&design)?;
-                let make: Make<'_> = Box::new(|case| Ok(Box::new(Core::new(&design, &case.plant, &scenario)?)));
+                let design = Design::new(&drive)?.with_plans_of(law.design);
+                require_sound(&design)?;
+                let make: Make<'_> =
+                    Box::new(|case| Ok(Box::new(Core::new(&design, &case.plant, &scenario)?)));
                 let judged = bench.judge(&design, family.name, law.tuning, &make)?;
                 if family.name == families::DRIVE {
                     tuned = Some(drive);
@@ -208,7 +226,13 @@ impl Bench {
             let result = (law.make)(case).and_then(|mut control| {
                 let time = (self.period, self.tuned_for);
                 let plant = (&case.plant, case.late);
-                close_loop(Law::Rival(family.name), control.as_mut(), plant, &self.scenario, time)
+                close_loop(
+                    Law::Rival(family.name),
+                    control.as_mut(),
+                    plant,
+                    &self.scenario,
+                    time,
+                )
             });
             match result {
                 Ok(run) if run.fault.is_none() => {
@@ -227,17 +251,30 @@ impl Bench {
     /// By how much the current at the end does more than it may, as a share of that.
     fn restless(&self, run: &Run) -> f64 {
         let last = ((1.0 - IDLE) * run.samples.len() as f64) as usize;
-        let currents: Vec<f64> = run.samples[last..].iter().map(|sample| sample.command).collect();
+        let currents: Vec<f64> = run.samples[last..]
+            .iter()
+            .map(|sample| sample.command)
+            .collect();
         let count = currents.len().max(1) as f64;
         let mean = currents.iter().sum::<f64>() / count;
-        let square = currents.iter().map(|current| (current - mean).powi(2)).sum::<f64>() / count;
+        let square = currents
+            .iter()
+            .map(|current| (current - mean).powi(2))
+            .sum::<f64>()
+            / count;
         (square.sqrt() / self.idle - 1.0).max(0.0)
     }
 
     /// A law on the plants that no tuning saw.
     ///
     /// * `design`: whose plans it goes by
-    fn judge(&self, design: &Design, law: &'static str, tuning: Tuning, make: &Make<'_>) -> Result<Judged> {
+    fn judge(
+        &self,
+        design: &Design,
+        law: &'static str,
+        tuning: Tuning,
+        make: &Make<'_>,
+    ) -> Result<Judged> {
         let planned = match self.scenario.approach {
             Approach::Step => None,
             Approach::Move => {
@@ -251,7 +288,13 @@ impl Bench {
             let mut control = make(case)?;
             let plant = (&case.plant, case.late);
             let time = (self.period, length);
-            let run = close_loop(Law::Rival(law), control.as_mut(), plant, &self.scenario, time)?;
+            let run = close_loop(
+                Law::Rival(law),
+                control.as_mut(),
+                plant,
+                &self.scenario,
+                time,
+            )?;
             Figures::new(&run, design.motion.settling_tolerance, still)
         };
         let figures: Vec<Result<Figures>> = self.judged_on.par_iter().map(run).collect();
@@ -259,21 +302,24 @@ impl Bench {
             let each = figures.iter().map(|found| figure(found.as_ref().ok()?));
             Spread::of(&each.collect::<Vec<_>>())
         };
-        let number = |is: &dyn Fn(&Figures) -> bool| figures.iter().flatten().filter(|f| is(f)).count();
+        let number =
+            |is: &dyn Fn(&Figures) -> bool| figures.iter().flatten().filter(|f| is(f)).count();
         let failed = figures.iter().filter(|found| found.is_err()).count();
         Ok(Judged {
             law,
             tuning,
             plan: planned,
             criterion: None,
-            settled: spread(&|f| f.settled),
-            within_band: spread(&|f| f.within_band),
+            settled: spread(&|f| f.within_band),
+            settled_and_at_rest: spread(&|f| f.settled),
             peak_current: spread(&|f| Some(f.peak_current)),
-            not_settled: failed + number(&|f| f.settled.is_none()),
-            not_within_band: failed + number(&|f| f.within_band.is_none()),
+            not_settled: failed + number(&|f| f.within_band.is_none()),
+            not_at_rest: failed + number(&|f| f.settled.is_none()),
             hunting: number(&|f| f.hunting),
             failed,
-            failure: figures.iter().find_map(|f| Some(f.as_ref().err()?.to_string())),
+            failure: figures
+                .iter()
+                .find_map(|f| Some(f.as_ref().err()?.to_string())),
         })
     }
 }

@@ -1,9 +1,7 @@
 //! The tables that say what is wanted of a drive: sampling, observer, cost, limits of a move.
 
 use super::document::{Document, LARGEST, SMALLEST};
-use super::schema::{
-    Number, RawControl, RawCost, RawGain, RawMotion, RawObserver, RawProtection,
-};
+use super::schema::{Number, RawControl, RawCost, RawGain, RawMotion, RawObserver, RawProtection};
 use super::{
     Control, Cost, Observer, ObserverMethod, ObserverSettings, StatedMotion, StatedProtection,
     Weights,

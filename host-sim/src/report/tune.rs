@@ -52,11 +52,11 @@ pub fn text(design: &Design, task: &Task, found: &Found) -> String {
     let mut table = table(&[
         "law",
         "plan [ms]",
-        "settling [ms]",
-        "in the band [ms]",
+        "to 2 % [ms]",
+        "and at rest [ms]",
         "peak [A]",
         "not settled",
-        "not in the band",
+        "not at rest",
         "hunting",
         "failed",
     ]);
@@ -64,16 +64,20 @@ pub fn text(design: &Design, task: &Task, found: &Found) -> String {
         table.add_row(cells(law, task.judged_on));
     }
     text += &format!(
-        "{table}\n\nEach: median / 95 % / worst of the plants. Settling: mass {mass} within 2 % for good, and all at rest at \
-         the end; in the band: the same whatever moves at the end.\n\n"
+        "{table}\n\nEach: median / 95 % / worst of the plants. To 2 %: mass {mass} within 2 % for good; and at rest: the same \
+         where nothing moves any more at the end.\n\n"
     );
     for law in &found.laws {
-        let Some(criterion) = law.criterion else { continue };
+        let Some(criterion) = law.criterion else {
+            continue;
+        };
         text += &format!(
             "{}: {}{}; criterion {:.1} ms\n",
             law.law,
             tuning(&law.tuning, units),
-            law.plan.map_or(String::new(), |(share, _)| format!(", plans with {share} of the current limit")),
+            law.plan.map_or(String::new(), |(share, _)| format!(
+                ", plans with {share} of the current limit"
+            )),
             1e3 * criterion
         );
     }
@@ -97,15 +101,17 @@ fn ranges(ranges: &Ranges, force: &str) -> String {
 }
 
 fn cells(law: &Judged, plants: usize) -> Vec<Cell> {
-    let plan = law.plan.map_or("-".into(), |(_, time)| format!("{:.0}", 1e3 * time));
+    let plan = law
+        .plan
+        .map_or("-".into(), |(_, time)| format!("{:.0}", 1e3 * time));
     let mut cells = vec![
         Cell::new(law.law),
         right(plan),
         right(spread(&law.settled, 1e3, 0)),
-        right(spread(&law.within_band, 1e3, 0)),
+        right(spread(&law.settled_and_at_rest, 1e3, 0)),
         right(spread(&law.peak_current, 1.0, 2)),
     ];
-    let numbers = [law.not_settled, law.not_within_band, law.hunting, law.failed];
+    let numbers = [law.not_settled, law.not_at_rest, law.hunting, law.failed];
     cells.extend(numbers.map(|number| right(format!("{number} of {plants}"))));
     cells
 }

@@ -18,10 +18,10 @@ use super::super::pd::{DisturbanceSettings, Pd};
 use super::super::shaper::Shaper;
 use super::super::tune::Space;
 use super::super::{Case, GainSettings, PdSettings, ReferenceSettings, Tuning};
+use crate::design::Design;
 use crate::design::assessment::require_sound_at_first_look;
 use crate::design::drive_loop::{Compensation, DriveLoop};
 use crate::design::protection::{Healthy, Protection};
-use crate::design::Design;
 use crate::drive::{Drive, ObserverMethod, Weights};
 use crate::error::{Error, Result};
 use crate::linear::eigen::spectral_radius;
@@ -38,10 +38,28 @@ const NO_LOADS: &str = "drive, load gains zero";
 pub(super) struct Family<'a> {
     pub(super) name: &'static str,
     pub(super) space: Space,
-    /// Another one that is a part of this one, and where that one's points are in it.
-    pub(super) contains: Option<&'static str>,
-    pub(super) widened: Box<dyn Fn(&[f64]) -> Vec<f64> + Sync + 'a>,
-    pub(super) form: Box<dyn Fn(&[f64]) -> Result<Formed<'a>> + Sync + 'a>,
+    /// Another one that is a part of this one.
+    pub(super) contains: Option<Part>,
+    pub(super) form: Form<'a>,
+}
+
+/// The law of a point.
+type Form<'a> = Box<dyn Fn(&[f64]) -> Result<Formed<'a>> + Sync + 'a>;
+
+/// A family that another one contains: the variables that are missing in it are zero.
+pub(super) struct Part {
+    pub(super) name: &'static str,
+    /// Where they are missing, and how many.
+    at: usize,
+    zeros: usize,
+}
+
+impl Part {
+    /// A point of the part as one of the whole.
+    pub(super) fn widened(&self, point: &[f64]) -> Vec<f64> {
+        let (before, after) = point.split_at(self.at);
+        [before, &vec![0.0; self.zeros], after].concat()
+    }
 }
 
 /// The law of a point.
@@ -95,6 +113,10 @@ impl Plans {
         &self.0[(variable.round().max(0.0) as usize).min(last)]
     }
 
+    fn middle(&self) -> f64 {
+        0.5 * (self.0.len() - 1) as f64
+    }
+
     fn ends(&self) -> (f64, f64) {
         // A box has a width.
         (-0.49, (self.0.len() as f64 - 0.51).max(0.49))
@@ -102,7 +124,11 @@ impl Plans {
 }
 
 /// All of them, a part of another one before that one.
-pub(super) fn all<'a>(design: &'a Design, plans: &'a Plans, scenario: &'a Scenario) -> Vec<Family<'a>> {
+pub(super) fn all<'a>(
+    design: &'a Design,
+    plans: &'a Plans,
+    scenario: &'a Scenario,
+) -> Vec<Family<'a>> {
     vec![
         of_drive(design, plans, scenario, false),
         of_drive(design, plans, scenario, true),
@@ -119,6 +145,8 @@ fn rounded(value: f64) -> f64 {
 /// Ends of bandwidth over the slowest mode, and of damping.
 const BANDWIDTH: (f64, f64) = (0.05, 10.0);
 const DAMPING: (f64, f64) = (0.1, 3.0);
+/// Both of a slow and damped PD law.
+const SLOW: [f64; 2] = [0.35, 0.85];
 /// Ends of a load's share in the sum of the gains.
 const SHARE: (f64, f64) = (-1.5, 1.5);
 /// Ends of the densities: `load_force_ratio`, and `disturbance_rate` over the slowest mode.
@@ -128,59 +156,105 @@ fn logarithms((low, high): (f64, f64)) -> (f64, f64) {
     (low.ln(), high.ln())
 }
 
+/// Gain and observer of the drive's own law as a point of its box, and back: bandwidth, damping, the shares of the
+/// loads in the position gains and in the velocity gains, the two densities, the plan.
+struct Coordinates {
+    /// The slowest mode, rad/s.
+    omega: f64,
+    /// `M / k_f`, A s²/m.
+    per_acceleration: f64,
+    /// How many loads have gains.
+    loads: usize,
+    /// How many there are.
+    all: usize,
+}
+
+/// How many variables stand before the shares.
+const BEFORE_SHARES: usize = 2;
+
+impl Coordinates {
+    /// The drive as designed, or the nearest that the box has, by its fastest plan.
+    fn start(&self, design: &Design) -> Vec<f64> {
+        let Self {
+            omega,
+            per_acceleration,
+            ..
+        } = *self;
+        let gains = |first: usize| design.regulator.iter().skip(first).step_by(2);
+        let [position, velocity] = [0, 1].map(|first| gains(first).sum::<f64>());
+        let bandwidth = (position / per_acceleration).max(0.0).sqrt();
+        let bandwidth = bandwidth.max(BANDWIDTH.0 * omega);
+        let damping = (velocity / (2.0 * bandwidth * per_acceleration)).max(DAMPING.0);
+        let mut point = vec![(bandwidth / omega).ln(), damping.ln()];
+        for (first, sum) in [position, velocity].into_iter().enumerate() {
+            point.extend(gains(first).skip(1).take(self.loads).map(|gain| gain / sum));
+        }
+        let observer = &design.drive.observer;
+        let densities = [observer.load_force_ratio, observer.disturbance_rate / omega];
+        point.extend(densities.map(f64::ln));
+        point.push(0.0);
+        point
+    }
+
+    fn ends(&self, plans: &Plans) -> Vec<(f64, f64)> {
+        let mut ends = vec![logarithms(BANDWIDTH), logarithms(DAMPING)];
+        ends.extend(vec![SHARE; 2 * self.loads]);
+        ends.extend(DENSITIES.map(logarithms));
+        ends.push(plans.ends());
+        ends
+    }
+
+    /// The gain and the observer of a point, and its plan.
+    fn settings(&self, point: &[f64]) -> (GainSettings, f64) {
+        let bandwidth = self.omega * point[0].exp();
+        let sums = [bandwidth, 2.0 * point[1].exp()].map(|x| x * bandwidth * self.per_acceleration);
+        let (shares, last) = point[BEFORE_SHARES..].split_at(2 * self.loads);
+        let gains = |sum: f64, shares: &[f64]| -> Vec<f64> {
+            let own = 1.0 - shares.iter().sum::<f64>();
+            let mut gains = vec![0.0; self.all + 1];
+            for (gain, share) in gains.iter_mut().zip([own].iter().chain(shares)) {
+                *gain = rounded(share * sum);
+            }
+            gains
+        };
+        let (of_positions, of_velocities) = shares.split_at(self.loads);
+        let settings = GainSettings {
+            position: gains(sums[0], of_positions),
+            velocity: gains(sums[1], of_velocities),
+            load_force_ratio: rounded(last[0].exp()),
+            disturbance_rate: rounded(self.omega * last[1].exp()),
+        };
+        (settings, last[2])
+    }
+}
+
 /// The drive's own law.
 ///
 /// * `loads`: whether the loads have gains
-fn of_drive<'a>(design: &'a Design, plans: &'a Plans, scenario: &'a Scenario, loads: bool) -> Family<'a> {
-    let omega = slowest(design);
-    let count = design.loads();
-    let shares = if loads { 2 * count } else { 0 };
-    let per_acceleration = design.drive.total_mass() / design.chain.force_constant;
-    let observer = &design.drive.observer;
-    let sum = |first: usize| -> f64 { design.regulator.iter().skip(first).step_by(2).sum() };
-    // The gain as designed, or the nearest that the box has.
-    let bandwidth = (sum(0) / per_acceleration).max(0.0).sqrt().max(BANDWIDTH.0 * omega);
-    let damping = (sum(1) / (2.0 * bandwidth * per_acceleration)).max(DAMPING.0);
-    let mut start = vec![(bandwidth / omega).ln(), damping.ln()];
-    if loads {
-        for first in 0..2 {
-            let gains = design.regulator.iter().skip(first).step_by(2).skip(1);
-            start.extend(gains.map(|gain| gain / sum(first)));
-        }
-    }
-    start.extend([observer.load_force_ratio.ln(), (observer.disturbance_rate / omega).ln(), 0.0]);
-    let mut ends = vec![logarithms(BANDWIDTH), logarithms(DAMPING)];
-    ends.extend(vec![SHARE; shares]);
-    ends.extend(DENSITIES.map(logarithms));
-    ends.push(plans.ends());
-    // Slow and damped, with a slow plan.
+fn of_drive<'a>(
+    design: &'a Design,
+    plans: &'a Plans,
+    scenario: &'a Scenario,
+    loads: bool,
+) -> Family<'a> {
+    let coordinates = Coordinates {
+        omega: slowest(design),
+        per_acceleration: design.drive.total_mass() / design.chain.force_constant,
+        loads: if loads { design.loads() } else { 0 },
+        all: design.loads(),
+    };
+    let start = coordinates.start(design);
+    let ends = coordinates.ends(plans);
+    // PD, slow and damped, with a plan in the middle.
     let mut slow = start.clone();
-    (slow[0], slow[1]) = (0.35_f64.ln(), 0.85_f64.ln());
-    slow[2..2 + shares].fill(0.0);
+    slow[BEFORE_SHARES..BEFORE_SHARES + 2 * coordinates.loads].fill(0.0);
+    slow[..BEFORE_SHARES].copy_from_slice(&SLOW.map(f64::ln));
     if let Some(plan) = slow.last_mut() {
-        *plan = 0.5 * plans.ends().1;
+        *plan = plans.middle();
     }
     let form = move |point: &[f64]| {
-        let omega_c = omega * point[0].exp();
-        let sums = [
-            omega_c * omega_c * per_acceleration,
-            2.0 * point[1].exp() * omega_c * per_acceleration,
-        ];
-        let [position, velocity] = [0, 1].map(|kind| {
-            let shares: Vec<f64> = (0..count)
-                .map(|load| if loads { point[2 + kind * count + load] } else { 0.0 })
-                .collect();
-            let own = 1.0 - shares.iter().sum::<f64>();
-            let gains = std::iter::once(own).chain(shares);
-            gains.map(|share| rounded(share * sums[kind])).collect::<Vec<f64>>()
-        });
-        let settings = GainSettings {
-            position,
-            velocity,
-            load_force_ratio: rounded(point[2 + shares].exp()),
-            disturbance_rate: rounded(omega * point[3 + shares].exp()),
-        };
-        let of_plans = plans.of(point[4 + shares]);
+        let (settings, plan) = coordinates.settings(point);
+        let of_plans = plans.of(plan);
         let mut drive = of_plans.drive.clone();
         drive.cost.weights = Weights::Gain {
             position: settings.position.clone(),
@@ -193,6 +267,7 @@ fn of_drive<'a>(design: &'a Design, plans: &'a Plans, scenario: &'a Scenario, lo
         require_sound_at_first_look(&tuned)?;
         require_stable_later(&tuned)?;
         let plans = of_plans.plans()?;
+        // What machines near this one need of the limits is looked for once it is found.
         let widest = Protection::new(&tuned, &Healthy::widest(&tuned));
         let make: Make<'a> = Box::new(move |case: &Case| {
             let core = Core::with_plans(&tuned, plans, &widest, &case.plant, scenario)?;
@@ -211,11 +286,10 @@ fn of_drive<'a>(design: &'a Design, plans: &'a Plans, scenario: &'a Scenario, lo
             ends,
             starts: vec![start, slow],
         },
-        contains: loads.then_some(NO_LOADS),
-        widened: Box::new(move |point| {
-            let shares = std::iter::repeat_n(0.0, 2 * count);
-            let (head, tail) = point.split_at(2);
-            head.iter().copied().chain(shares).chain(tail.iter().copied()).collect()
+        contains: loads.then_some(Part {
+            name: NO_LOADS,
+            at: BEFORE_SHARES,
+            zeros: 2 * design.loads(),
         }),
         form: Box::new(form),
     }
@@ -237,7 +311,11 @@ fn require_stable_later(design: &Design) -> Result<()> {
 }
 
 /// PD on the encoder and a disturbance observer.
-fn pd_with_observer<'a>(design: &'a Design, plans: &'a Plans, scenario: &'a Scenario) -> Family<'a> {
+fn pd_with_observer<'a>(
+    design: &'a Design,
+    plans: &'a Plans,
+    scenario: &'a Scenario,
+) -> Family<'a> {
     let omega = slowest(design);
     let form = move |point: &[f64]| {
         let of_plans = plans.of(point[4]);
@@ -257,17 +335,21 @@ fn pd_with_observer<'a>(design: &'a Design, plans: &'a Plans, scenario: &'a Scen
             make,
         })
     };
-    let start = |plan: f64| vec![0.35_f64.ln(), 0.85_f64.ln(), 0.3_f64.ln(), 0.9_f64.ln(), plan];
-    let mut ends = [BANDWIDTH, DAMPING, (0.02, 10.0), (0.3, 1.5)].map(logarithms).to_vec();
+    let start = |plan: f64| {
+        let slow = [SLOW[0], SLOW[1], 0.3, 0.9].map(f64::ln);
+        [&slow[..], &[plan]].concat()
+    };
+    let mut ends = [BANDWIDTH, DAMPING, (0.02, 10.0), (0.3, 1.5)]
+        .map(logarithms)
+        .to_vec();
     ends.push(plans.ends());
     Family {
         name: "PD + observer",
         space: Space {
             ends,
-            starts: vec![start(0.0), start(0.5 * plans.ends().1)],
+            starts: vec![start(0.0), start(plans.middle())],
         },
         contains: None,
-        widened: Box::new(<[f64]>::to_vec),
         form: Box::new(form),
     }
 }
@@ -306,7 +388,6 @@ fn pd_with_shaper<'a>(design: &'a Design, scenario: &'a Scenario) -> Family<'a> 
             ],
         },
         contains: None,
-        widened: Box::new(<[f64]>::to_vec),
         form: Box::new(form),
     }
 }

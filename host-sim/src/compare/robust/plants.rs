@@ -87,7 +87,13 @@ pub(super) enum Stream {
 }
 
 /// Plants around a drive.
-pub(super) fn draw(drive: &Drive, ranges: &Ranges, stream: Stream, count: usize, seed: u64) -> Vec<Case> {
+pub(super) fn draw(
+    drive: &Drive,
+    ranges: &Ranges,
+    stream: Stream,
+    count: usize,
+    seed: u64,
+) -> Vec<Case> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(match stream {
         Stream::JudgedOn => 0,
@@ -120,4 +126,77 @@ pub(super) fn draw(drive: &Drive, ranges: &Ranges, stream: Stream, count: usize,
         }
     });
     plants.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn factors(drive: &Drive, case: &Case) -> [f64; 4] {
+        let plant = &case.plant;
+        [
+            plant.loads[0].stiffness / drive.loads[0].stiffness,
+            plant.loads[2].mass / drive.loads[2].mass,
+            plant.actuator.force_constant / drive.actuator.force_constant,
+            plant.friction.coulomb,
+        ]
+    }
+
+    /// Drawn evenly from their ranges: within them, with the mean and the variance of an even distribution.
+    #[test]
+    fn plants_are_spread_evenly_over_their_ranges() {
+        let mut drive = Drive::default_drive();
+        drive.friction.coulomb = 0.2;
+        for known in [Known::Wide, Known::Rough, Known::Identified] {
+            let ranges = Ranges::of(&drive, known, None).unwrap();
+            let cases = draw(&drive, &ranges, Stream::JudgedOn, 2000, 1);
+            let all = [
+                ranges.stiffness,
+                ranges.last_load,
+                ranges.force_constant,
+                ranges.friction,
+            ];
+            for (i, [low, high]) in all.into_iter().enumerate() {
+                let drawn: Vec<f64> = cases.iter().map(|case| factors(&drive, case)[i]).collect();
+                assert!(
+                    drawn.iter().all(|x| (low..=high).contains(x)),
+                    "{known:?} {i}"
+                );
+                let count = drawn.len() as f64;
+                let mean = drawn.iter().sum::<f64>() / count;
+                let square = drawn.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+                let width = high - low;
+                assert!(
+                    (mean - 0.5 * (low + high)).abs() < 0.03 * width,
+                    "{known:?} {i}: {mean}"
+                );
+                assert!(
+                    (square - width * width / 12.0).abs() < 0.01 * width * width,
+                    "{known:?} {i}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn no_plant_that_a_law_is_judged_on_is_one_it_was_tuned_on() {
+        let drive = Drive::default_drive();
+        let ranges = Ranges::of(&drive, Known::Wide, None).unwrap();
+        let [tuned_on, judged_on] =
+            [Stream::TunedOn, Stream::JudgedOn].map(|stream| draw(&drive, &ranges, stream, 50, 7));
+        for case in &judged_on {
+            assert!(tuned_on.iter().all(|other| other.plant != case.plant));
+        }
+        let few = draw(&drive, &ranges, Stream::JudgedOn, 5, 7);
+        assert!(few.iter().zip(&judged_on).all(|(a, b)| a.plant == b.plant));
+    }
+
+    #[test]
+    fn friction_around_none_is_refused() {
+        let drive = Drive::default_drive();
+        let error = Ranges::of(&drive, Known::Rough, None).unwrap_err();
+        assert!(error.to_string().contains("friction.coulomb"), "{error}");
+        let ranges = Ranges::of(&drive, Known::Rough, Some([0.1, 0.2])).unwrap();
+        assert_eq!(ranges.friction, [0.1, 0.2]);
+    }
 }
