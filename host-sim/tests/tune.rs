@@ -25,6 +25,45 @@ fn thin(more: &[&str], threads: &str) -> (i32, String, String) {
         .env("RAYON_NUM_THREADS", threads))
 }
 
+/// Two masses on a short axis: few plans, soon made.
+const SMALL: &str = r#"
+[actuator]
+mass = 0.059
+force_constant = 6.43
+current_limit = 2.0
+current_resolution = 1e-3
+
+[encoder]
+resolution = 1e-6
+counter_bits = 16
+
+[[load]]
+mass = 0.057
+stiffness = 300.0
+damping = 0.1
+
+[control]
+sample_time = 1e-3
+disturbance_cutoff = 628.0
+reaction_force_cutoff = 628.0
+observer = "anchored"
+
+[cost]
+current = 1.0
+position = [450.0, 450.0]
+velocity = [0.4, 0.4]
+
+[protection]
+travel = [-1e-3, 0.032]
+"#;
+
+/// The small drive as a file.
+fn small(folder: &Path) -> String {
+    let path = folder.join("small.toml");
+    std::fs::write(&path, SMALL).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
 fn law<'a>(value: &'a Value, name: &str) -> &'a Value {
     let laws = value["laws"].as_array().unwrap();
     laws.iter().find(|law| law["law"] == name).unwrap()
@@ -44,9 +83,14 @@ fn what_is_found_is_in_the_drive_file_and_is_a_design_like_any_other() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tuned.toml");
     let file = path.to_str().unwrap();
-    let (code, text, error) = thin(&["--step", "--toml", file], "2");
+    let drive = small(folder.path());
+    let (code, text, error) = thin(&[&drive, "--step", "--toml", file], "2");
     assert_eq!((code, error), (0, String::new()));
-    assert_eq!(text, thin(&["--step"], "1").1, "threads change nothing");
+    assert_eq!(
+        text,
+        thin(&[&drive, "--step"], "1").1,
+        "threads change nothing"
+    );
     let value: Value = serde_json::from_str(&text).unwrap();
     let tuned = law(&value, "drive, tuned");
     let gain = &tuned["tuning"]["gain"];
@@ -74,17 +118,10 @@ fn what_is_found_is_in_the_drive_file_and_is_a_design_like_any_other() {
     let criterion = |name: &str| law(&value, name)["criterion"].as_f64().unwrap();
     assert!(criterion("drive, tuned") <= criterion("drive, load gains zero"));
     let zero = numbers(&law(&value, "drive, load gains zero")["tuning"]["gain"]["position"]);
-    assert_eq!(zero[1..], [0.0; 3]);
+    assert_eq!(zero[1..], [0.0]);
     for law in value["laws"].as_array().unwrap() {
         assert!(
             law["peak_current"]["worst"].as_f64().unwrap() <= 2.0 + 1e-6,
-            "{law}"
-        );
-        // No faster than any control could be on the fastest plant of the set, some 50 ms.
-        assert!(
-            law["settled"]["median"]
-                .as_f64()
-                .is_none_or(|time| time > 0.04),
             "{law}"
         );
     }
@@ -92,7 +129,9 @@ fn what_is_found_is_in_the_drive_file_and_is_a_design_like_any_other() {
 
 #[test]
 fn planned_moves_are_tuned_with_their_plans() {
-    let (code, text, error) = thin(&["--force-constant", "1:1", "--friction", "0"], "2");
+    let folder = tempfile::tempdir().unwrap();
+    let drive = small(folder.path());
+    let (code, text, error) = thin(&[&drive, "--force-constant", "1:1", "--friction", "0"], "2");
     assert_eq!((code, error), (0, String::new()));
     let value: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(
@@ -102,9 +141,10 @@ fn planned_moves_are_tuned_with_their_plans() {
     assert_eq!(value["ranges"]["friction"], serde_json::json!([0.0, 0.0]));
     let plan = |name: &str| numbers(&law(&value, name)["plan"]);
     let [own, tuned] = ["drive, as designed", "drive, tuned"].map(plan);
-    // Less current makes a longer move, and none is shorter than the least time to rest.
+    // Less current makes a longer move, and the centre of the masses needs 2 √(s M / F) at the least.
+    let least = 2.0 * (0.03_f64 * 0.116 / (2.0 * 6.43)).sqrt();
     assert!(
-        tuned[0] <= own[0] && tuned[1] >= own[1] && own[1] >= 0.078,
+        tuned[0] <= own[0] && tuned[1] >= own[1] && own[1] >= least,
         "{own:?} {tuned:?}"
     );
 }
@@ -121,7 +161,7 @@ fn what_cannot_be_tuned_is_one_sentence_and_leaves_the_file_as_it_is() {
         (vec!["--stiffness", "nan"], "--stiffness"),
         (vec!["--last-load", "0:1"], "--last-load"),
         (vec!["--force-constant", "0.5:100"], "--force-constant"),
-        (vec!["--friction", "-1:0"], "--friction"),
+        (vec!["--friction=-1:0"], "--friction"),
         (vec!["--friction", "0:1e9"], "--friction"),
         (vec!["--distance", "0"], "--distance"),
     ] {

@@ -127,7 +127,10 @@ pub fn tune(design: &Design, task: &Task, progress: &Progress<'_>) -> Result<Fou
         ..SCENARIOS[0]
     };
     let plans = match task.approach {
-        Approach::Step => Plans::own(design),
+        Approach::Step => {
+            design.plans()?;
+            Plans::own(design)
+        }
         Approach::Move => {
             progress(0, 1, "plans");
             Plans::of_less_current(design)?
