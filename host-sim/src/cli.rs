@@ -23,6 +23,7 @@ mod records;
 mod shell;
 mod simulate;
 mod sweep;
+mod tune;
 mod watch;
 mod wording;
 
@@ -62,6 +63,7 @@ enum Command {
     Record(record::RecordCommand),
     Simulate(simulate::Simulate),
     Sweep(sweep::SweepCommand),
+    Tune(tune::TuneCommand),
     Completions(shell::CompletionsCommand),
     Man(shell::ManCommand),
     Schema(shell::SchemaCommand),
@@ -109,6 +111,7 @@ impl Cli {
             Some(Command::Record(command)) => command.run(quiet),
             Some(Command::Simulate(command)) => command.run(quiet),
             Some(Command::Sweep(command)) => command.run(quiet),
+            Some(Command::Tune(command)) => command.run(quiet),
             Some(Command::Completions(command)) => command.run(),
             Some(Command::Man(command)) => command.run(quiet),
             Some(Command::Schema(command)) => command.run(),

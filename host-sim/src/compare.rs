@@ -24,6 +24,7 @@ pub mod moves;
 mod notch;
 mod pd;
 mod rivals;
+pub mod robust;
 mod shaper;
 mod spread;
 mod tune;
@@ -38,7 +39,7 @@ pub use shaper::Shaper;
 pub use spread::Spread;
 
 use crate::design::{Design, settling_tolerance};
-use crate::drive::PlantFile;
+use crate::drive::{Drive, PlantFile};
 use crate::error::{Error, Result};
 use crate::output::Progress;
 use crate::simulate::metrics::{Frame, Metrics};
@@ -113,6 +114,21 @@ pub enum Tuning {
     Encoder(EncoderSettings),
     /// The drive's own law.
     Weights(WeightSettings),
+    /// The same, its gain itself.
+    Gain(GainSettings),
+}
+
+/// Gain and observer of the drive's own law.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GainSettings {
+    /// A/m, actuator first.
+    pub position: Vec<f64>,
+    /// A s/m.
+    pub velocity: Vec<f64>,
+    /// Of the observer, see [`ObserverSettings`](crate::drive::ObserverSettings).
+    pub load_force_ratio: f64,
+    /// Of the observer, 1/s.
+    pub disturbance_rate: f64,
 }
 
 /// Weights of the drive's own law; that of the current is the drive's.
@@ -168,12 +184,12 @@ fn scenario() -> &'static Scenario {
 
 /// Coulomb friction of the friction case, N: the drive's own, or a share of the motor's force where it has
 /// none.
-fn coulomb(design: &Design) -> f64 {
-    let own = design.drive.friction.coulomb;
+fn coulomb(drive: &Drive) -> f64 {
+    let own = drive.friction.coulomb;
     if own > 0.0 {
         own
     } else {
-        FRICTION * design.drive.actuator.largest_force()
+        FRICTION * drive.actuator.largest_force()
     }
 }
 
@@ -208,7 +224,7 @@ pub fn cases(design: &Design) -> Vec<Case> {
         }
     };
     let force = |factor: f64| move |plant: &mut PlantFile| plant.actuator.force_constant *= factor;
-    let coulomb = coulomb(design);
+    let coulomb = coulomb(&design.drive);
     let unit = design.drive.kind.units().force;
     case("nominal", 0, true, &|_| ());
     case("k +30 %", 0, true, &stiffness(1.3));
@@ -312,7 +328,7 @@ impl Bench {
         Self {
             scenario: *scenario(),
             cases: cases(design),
-            drawn: held_out::cases(design, coulomb(design), effort.plants),
+            drawn: held_out::cases(design, coulomb(&design.drive), effort.plants),
             period: design.drive.control.sample_time,
             duration,
             watched: (1.0 + WATCHED) * duration,
@@ -505,7 +521,7 @@ pub fn duration(design: &Design) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::{Drive, Weights};
+    use crate::drive::Weights;
     use crate::output::unwatched;
 
     fn row<'a>(rows: &'a [Row], name: &str) -> &'a Row {

@@ -5,6 +5,9 @@
 //!            +----------------> observer (L, eq. (17)) ---------+            gains_file (source)
 //! ```
 //!
+//! A drive file that states `K` itself has no weights, no Riccati equation and no gain over the time to go; all else,
+//! and every other check, is of it as of any other.
+//!
 //! What is said of a design before it is trusted: `assessment`, made of `checks`, of the margins of
 //! `drive_loop` (`loop_margins`) and of the gain over the time to go. The paper's own numbers: `paper`.
 
@@ -24,7 +27,6 @@ pub mod weights;
 use crate::chain::{Chain, Mode};
 use crate::drive::{Drive, Weights};
 use crate::error::{Error, Result};
-use crate::linear::dlqr;
 use crate::linear::eigen::{eigenvalues, spectral_radius};
 use crate::linear::zoh::zero_order_hold;
 use crate::machine::{Mechanics, chain_of};
@@ -47,16 +49,16 @@ pub struct Design {
     pub drive: Drive,
     /// Continuous model.
     pub chain: Chain,
-    /// The performance index that is least.
-    pub index: PerformanceIndex,
+    /// The performance index that is least; none where the drive file states the gain itself.
+    pub index: Option<PerformanceIndex>,
     /// Model over one control period, current held: `x_{k+1} = ad x_k + bd i_k`.
     pub ad: DMatrix<f64>,
     /// See `ad`.
     pub bd: DVector<f64>,
     /// Feedback gain `K`, order `x_a v_a x_1 v_1 …`, A/m and A s/m.
     pub regulator: RowDVector<f64>,
-    /// Residual of the regulator's Riccati equation, relative to its solution.
-    pub riccati_residual: f64,
+    /// Residual of the regulator's Riccati equation, relative to its solution; none where there is no such equation.
+    pub riccati_residual: Option<f64>,
     /// The state observer.
     pub observer: observer::ObserverDesign,
     /// Limits of planned moves.
@@ -96,7 +98,7 @@ impl Design {
     ///
     /// # Errors
     /// [`Error::Input`] when no member of the family of weights settles as fast as the drive file asks for,
-    /// [`Error::Design`] when the chain is too fast for the sample time, a Riccati equation has
+    /// [`Error::Design`] when a gain that is stated does not hold the machine, when the chain is too fast for the sample time, a Riccati equation has
     /// no stabilising solution, the result does not fit `f32`, or no weights that follow from the drive
     /// pass its checks.
     pub fn new(drive: &Drive) -> Result<Self> {
@@ -105,7 +107,6 @@ impl Design {
         }
         let chain = chain_of(&drive.actuator, &drive.loads, drive.friction.viscous);
         let sample_time = drive.control.sample_time;
-        let index = PerformanceIndex::new(&drive.cost, &chain, sample_time)?;
         let modes = chain.modes();
         let fastest = modes.last().map_or(0.0, |mode| mode.frequency_hz);
         if fastest * sample_time >= 0.5 {
@@ -115,7 +116,14 @@ impl Design {
             )));
         }
         let (ad, bd) = zero_order_hold(&chain.a(), &chain.b(), sample_time);
-        let dlqr::Regulator { gain, residual } = regulator::regulator(&chain, &index, sample_time)?;
+        let (index, riccati_residual, gain) =
+            if let Weights::Gain { position, velocity } = &drive.cost.weights {
+                (None, None, regulator::of_masses(position, velocity))
+            } else {
+                let index = PerformanceIndex::new(&drive.cost, &chain, sample_time)?;
+                let found = regulator::regulator(&chain, &index, sample_time)?;
+                (Some(index), Some(found.residual), found.gain)
+            };
         let closed = &ad - &bd * &gain;
         require_stable("the regulator", &closed)?;
         let decay = decay(&eigenvalues(&closed)?, sample_time);
@@ -123,7 +131,7 @@ impl Design {
         let design = Self {
             drive: drive.clone(),
             regulator: gain,
-            riccati_residual: residual,
+            riccati_residual,
             observer,
             index,
             motion: Motion::new(drive, &chain, &modes, decay),
@@ -346,6 +354,16 @@ impl Design {
         }
         let table = plans::plan_table(self)?;
         Ok(self.plans.get_or_init(|| table))
+    }
+
+    /// The same with the plans of another design for the same machine under the same limits, where that has made them:
+    /// they do not depend on gain and observer.
+    #[must_use]
+    pub(crate) fn with_plans_of(self, other: &Self) -> Self {
+        Self {
+            plans: other.plans.clone(),
+            ..self
+        }
     }
 
     /// Number of load masses `N`.

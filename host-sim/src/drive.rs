@@ -11,6 +11,7 @@
 
 mod design_tables;
 mod document;
+pub(crate) mod edit;
 mod fit;
 mod machine_tables;
 mod schema;
@@ -139,9 +140,17 @@ impl Cost {
     }
 }
 
-/// How the weights of the states are stated.
+/// How the weights of the states are stated, or the gain that they would lead to.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Weights {
+    /// Not at all: the gain `K` itself is stated, `i = −Σ k_p,i (x_i − x_ref,i) + k_v,i (v_i − v_ref,i)` over all masses,
+    /// absolute positions and velocities, actuator first. No performance index (2) is known then.
+    Gain {
+        /// `k_p,i`, A/m.
+        position: Vec<f64>,
+        /// `k_v,i`, A s/m.
+        velocity: Vec<f64>,
+    },
     /// Diagonals, one entry per mass, actuator first.
     Given {
         /// 1/m².
@@ -319,9 +328,18 @@ impl Drive {
         let control = document.control(control)?;
         document.delay_of_a_drive(&raw.actuator, control.sample_time)?;
         let observer = document.observer(raw.observer.as_ref(), &control)?;
-        let cost = match &raw.cost {
-            Some(cost) => document.cost(cost, loads.len())?,
-            None => Cost::derived(actuator.current_limit, loads.len()),
+        let cost = match (&raw.cost, &raw.gain) {
+            (Some(cost), None) => document.cost(cost, loads.len())?,
+            (None, Some(gain)) => Cost {
+                weights: document.gain(gain, loads.len())?,
+                ..Cost::derived(actuator.current_limit, loads.len())
+            },
+            (None, None) => Cost::derived(actuator.current_limit, loads.len()),
+            (Some(_), Some(gain)) => {
+                let message =
+                    "[gain] and [cost] both say what the feedback is to be: leave one of them out";
+                return Err(document.error(Some(gain.span()), message.into()));
+            }
         };
         let motion = raw
             .motion
@@ -359,7 +377,7 @@ impl Drive {
 }
 
 impl PlantFile {
-    /// Reads a plant file; `[control]`, `[observer]`, `[cost]` and `[move]` may stand in it and say
+    /// Reads a plant file; `[control]`, `[observer]`, `[cost]`, `[gain]` and `[move]` may stand in it and say
     /// nothing but the control period.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 //!
 //! Every figure arrives here computed; a file for each thing that is reported (`design`, `experiments`,
 //! `comparison`, `moves`, `bound`, `excitation`, `identification`, `learning`, `log`, `mcap`, `record`, `link`,
-//! `paper`, `horizon`, `sweep`), `csv` for a run, `plot` for drawing.
+//! `paper`, `horizon`, `sweep`, `tune`), `csv` for a run, `plot` for drawing.
 
 pub mod bound;
 mod columns;
@@ -26,6 +26,7 @@ pub mod run;
 mod settled;
 pub mod sweep;
 mod table;
+pub mod tune;
 
 /// A time for a CSV file: in whole nanoseconds, because 0.1 + 0.2 has no place in a time column.
 #[must_use]

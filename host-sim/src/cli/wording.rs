@@ -7,7 +7,7 @@ use clap::CommandFactory;
 use std::path::Path;
 
 /// Every parameter that an error can name, and its flag.
-const FLAGS: [(&str, &str); 19] = [
+const FLAGS: [(&str, &str); 23] = [
     ("approach", "--velocity"),
     ("at", "--at"),
     ("back-off", "--back-off"),
@@ -15,13 +15,17 @@ const FLAGS: [(&str, &str); 19] = [
     ("distance", "--distance"),
     ("duration", "--for"),
     ("experiment", "--run"),
+    ("force-constant", "--force-constant"),
+    ("friction", "--friction"),
     ("from", "--from"),
     ("hold", "--hold"),
+    ("last-load", "--last-load"),
     ("move", "--move"),
     ("period", "--period"),
     ("port", "--port"),
     ("position", "--position"),
     ("repetitions", "--repeat"),
+    ("stiffness", "--stiffness"),
     ("stop", "--stop"),
     ("target", "X"),
     ("to", "--to"),

@@ -76,7 +76,7 @@ pub(super) fn tuned<'a>(design: &'a Design, scenario: &'a Scenario) -> Vec<Tuned
 }
 
 /// The slowest mode, rad/s.
-fn slowest(design: &Design) -> f64 {
+pub(super) fn slowest(design: &Design) -> f64 {
     TAU * design.modes().first().map_or(1.0, |mode| mode.frequency_hz)
 }
 
@@ -216,11 +216,10 @@ const WEIGHTS: (f64, f64) = (5e-5, 150.0);
 fn tuned_drive<'a>(design: &'a Design, scenario: &'a Scenario) -> Tuned<'a> {
     let omega = slowest(design);
     let drive = &design.drive;
-    let (current, masses) = (design.index.current, design.loads() + 1);
+    let (current, masses) = (drive.cost.current, design.loads() + 1);
     let unit = drive.total_mass() / design.chain.force_constant;
     let position = current * (omega * omega * unit).powi(2);
     let velocity = position / (omega * omega);
-    let index = &design.index;
     let own = |weights: &[f64], unit: f64| -> Vec<f64> {
         let floor = WEIGHTS.0;
         weights
@@ -230,12 +229,18 @@ fn tuned_drive<'a>(design: &'a Design, scenario: &'a Scenario) -> Tuned<'a> {
     };
     let observer = &drive.observer;
     let densities = [observer.load_force_ratio, observer.disturbance_rate / omega];
-    let start = [
-        own(&index.position, position),
-        own(&index.velocity, velocity),
-        densities.to_vec(),
-    ]
-    .concat();
+    // A drive that states its gain has no weights: those of a rigid drive as slow as the slowest mode then.
+    let weights = design.index.as_ref().map_or_else(
+        || vec![1.0; 2 * masses],
+        |index| {
+            [
+                own(&index.position, position),
+                own(&index.velocity, velocity),
+            ]
+            .concat()
+        },
+    );
+    let start = [weights, densities.to_vec()].concat();
     let mut ends = vec![WEIGHTS; 2 * masses];
     ends.extend([(0.1, 1e3), (1e-2, 1e3)]);
     let form = move |point: &[f64]| {

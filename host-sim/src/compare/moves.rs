@@ -174,10 +174,8 @@ pub fn campaign(
     };
     let period = design.drive.control.sample_time;
     let planned = design.plans()?.duration(task.distance, period) * period;
-    let slowest = design.modes().first().map_or(0.0, |m| 1.0 / m.frequency_hz);
-    let longer = |(seconds, periods): (f64, f64)| seconds.max(periods * slowest);
-    let still_after = planned + longer(STILL_AFTER);
-    let length = still_after + longer(WATCHED);
+    let still_after = still_after(design, planned);
+    let length = still_after + watched(design);
 
     let mut laws: Vec<(&'static str, Scenario, Make<'_>)> = vec![
         (
@@ -262,6 +260,24 @@ pub fn campaign(
         tunings,
         sets: results,
     })
+}
+
+/// From when on nothing may move any more, s.
+///
+/// * `planned`: how long the planned move takes, s
+pub(super) fn still_after(design: &Design, planned: f64) -> f64 {
+    planned + longer(design, STILL_AFTER)
+}
+
+/// How long that is watched, s.
+pub(super) fn watched(design: &Design) -> f64 {
+    longer(design, WATCHED)
+}
+
+/// The longer of a time in s, and one in periods of the slowest mode.
+fn longer(design: &Design, (seconds, periods): (f64, f64)) -> f64 {
+    let slowest = design.modes().first().map_or(0.0, |m| 1.0 / m.frequency_hz);
+    seconds.max(periods * slowest)
 }
 
 impl OnPlants {

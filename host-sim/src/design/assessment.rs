@@ -104,7 +104,11 @@ fn judged_by(
         .then(|| LoopMargins::new(design, margins))
         .transpose()?;
     checks.push(closed_loop);
-    checks.extend(margins.iter().flat_map(of_margins));
+    checks.extend(
+        margins
+            .iter()
+            .flat_map(|margins| of_margins(design, margins)),
+    );
     Ok((checks, margins))
 }
 
@@ -154,12 +158,16 @@ fn refusal(checks: &[Check]) -> Result<()> {
 /// # Errors
 /// [`Error::Design`] when a step cannot be solved.
 pub fn convergence(design: &Design, times: &[f64]) -> Result<Vec<HorizonGain>> {
+    let Some(index) = &design.index else {
+        let why = "[gain] states the constant gain itself, and no performance index whose gain changes with the time to go";
+        return Err(Error::Design(why.into()));
+    };
     let slowest = design.modes().first().map_or(1.0, |mode| mode.frequency_hz);
     let with_constant = times.iter().chain([&CONSTANT]);
     let times: Vec<f64> = with_constant.map(|time| time / slowest).collect();
     let terminal = &design.drive.cost.terminal;
     let terminal = DMatrix::from_diagonal(&DVector::from_column_slice(terminal));
-    let weights = (&design.index.state_weights()[..], design.index.current);
+    let weights = (&index.state_weights()[..], index.current);
     let mut gains = hamiltonian::gains(&design.chain, weights, &terminal, &times)?;
     let constant = gains.pop().unwrap_or_else(|| design.regulator.clone());
     if constant.norm() == 0.0 {

@@ -86,8 +86,8 @@ impl Check {
 /// # Errors
 /// [`Error::Design`](crate::error::Error::Design) when an eigenvalue iteration does not converge.
 pub(super) fn checks(design: &Design) -> Result<Vec<Check>> {
-    Ok(vec![
-        riccati_residual(design),
+    let mut checks: Vec<Check> = riccati_residual(design).into_iter().collect();
+    checks.extend([
         distinct_eigenvalues(design)?,
         observability(design)?,
         samples_per_mode(design),
@@ -100,7 +100,23 @@ pub(super) fn checks(design: &Design) -> Result<Vec<Check>> {
         unheld_force(design),
         current_step(design),
         commissioning_brake(design)?,
-    ])
+    ]);
+    Ok(checks)
+}
+
+/// How the drive file is told to have a weaker feedback, and a stronger one.
+fn weaker(design: &Design) -> &'static str {
+    match design.index {
+        Some(_) => "a larger cost.current",
+        None => "smaller gains in [gain]",
+    }
+}
+
+fn stronger(design: &Design) -> &'static str {
+    match design.index {
+        Some(_) => "a smaller cost.current",
+        None => "larger gains in [gain]",
+    }
 }
 
 fn verdict(value: f64, warn_below: f64, refuse_below: f64) -> Verdict {
@@ -147,10 +163,11 @@ fn current_step(design: &Design) -> Check {
         (value, limit),
         format!(
             "{} from the target at which the current rounds to none, against the band of a step of {} {}: a \
-             finer actuator.current_resolution or a smaller cost.current",
+             finer actuator.current_resolution or {}",
             units.position,
             1e3 * step,
-            units.milli_position
+            units.milli_position,
+            stronger(design)
         ),
     )
 }
@@ -206,9 +223,14 @@ fn commissioning_brake(design: &Design) -> Result<Check> {
         "commissioning_brake",
         verdict,
         (value, limit),
-        "largest pole of the loop that brakes the actuator after its signs are proven; from 1 \
-                 on it does not brake: smaller cost.position and cost.velocity against \
-                 cost.current, a shorter control.sample_time or a higher disturbance_cutoff",
+        format!(
+            "largest pole of the loop that brakes the actuator after its signs are proven; from 1 \
+                 on it does not brake: {}, a shorter control.sample_time or a higher disturbance_cutoff",
+            match design.index {
+                Some(_) => "smaller cost.position and cost.velocity against cost.current",
+                None => "smaller gains in [gain]",
+            }
+        ),
     ))
 }
 

@@ -28,11 +28,15 @@ impl PerformanceIndex {
     ///
     /// # Errors
     /// [`Error::Input`] when no member of the family of weights settles as fast as it asks for,
-    /// [`Error::Design`] where it asks for weights that follow from the whole drive.
+    /// [`Error::Design`] where it asks for weights that follow from the whole drive, or states the gain itself.
     pub fn new(cost: &Cost, chain: &Chain, sample_time: f64) -> Result<Self> {
         let current = cost.current;
         let (position, velocity) = match &cost.weights {
             Weights::Given { position, velocity } => (position.clone(), velocity.clone()),
+            Weights::Gain { .. } => {
+                let message = "a drive file that states its gain has no performance index";
+                return Err(Error::Design(message.into()));
+            }
             Weights::Derived => {
                 let message = "weights that follow from the drive are found with its whole design";
                 return Err(Error::Design(message.into()));

@@ -1,7 +1,7 @@
 //! The tables that say what is wanted of a drive: sampling, observer, cost, limits of a move.
 
 use super::document::{Document, LARGEST, SMALLEST};
-use super::schema::{Number, RawControl, RawCost, RawMotion, RawObserver, RawProtection};
+use super::schema::{Number, RawControl, RawCost, RawGain, RawMotion, RawObserver, RawProtection};
 use super::{
     Control, Cost, Observer, ObserverMethod, ObserverSettings, StatedMotion, StatedProtection,
     Weights,
@@ -127,6 +127,56 @@ impl Document<'_> {
         })
     }
 
+    /// The gain, where it is stated itself.
+    ///
+    /// * `loads`: number of load masses
+    pub(super) fn gain(&self, raw: &Spanned<RawGain>, loads: usize) -> Result<Weights> {
+        let units = self.units();
+        let gains = |key: &str, raw: &Spanned<Vec<Number>>, unit: &str| {
+            let entries = self.one_per_mass(key, raw, loads)?.iter().enumerate();
+            let gains = entries.map(|(i, value)| {
+                let ok = value.get_ref().abs() <= LARGEST;
+                let allowed = format!("from -{LARGEST:e} to {LARGEST:e} {unit}");
+                self.checked(&format!("{key}[{i}]"), value, ok, &allowed)
+            });
+            gains.collect::<Result<Vec<_>>>()
+        };
+        let RawGain { position, velocity } = raw.get_ref();
+        let stated = gains("gain.position", position, units.position_gain)?;
+        let sum: f64 = stated.iter().sum();
+        if sum < SMALLEST {
+            let message = format!(
+                "gain.position: the sum of its entries is {sum}: must be at least {SMALLEST:e} {}, or nothing \
+                 holds the machine at its target",
+                units.position_gain
+            );
+            return Err(self.error(Some(position.span()), message));
+        }
+        Ok(Weights::Gain {
+            position: stated,
+            velocity: gains("gain.velocity", velocity, units.velocity_gain)?,
+        })
+    }
+
+    /// The entries of a list with one for each mass.
+    fn one_per_mass<'r>(
+        &self,
+        key: &str,
+        raw: &'r Spanned<Vec<Number>>,
+        loads: usize,
+    ) -> Result<&'r [Number]> {
+        let entries = raw.get_ref();
+        if entries.len() == loads + 1 {
+            return Ok(entries);
+        }
+        let message = format!(
+            "{key} has {} entries: must have {}, one per mass, actuator first",
+            entries.len(),
+            loads + 1
+        );
+        Err(self.error(Some(raw.span()), message))
+    }
+
     fn weights(
         &self,
         key: &str,
@@ -135,16 +185,7 @@ impl Document<'_> {
         unit: &str,
         needed: bool,
     ) -> Result<Vec<f64>> {
-        let entries = raw.get_ref();
-        if entries.len() != loads + 1 {
-            let message = format!(
-                "{key} has {} entries: must have {}, one per mass, actuator first",
-                entries.len(),
-                loads + 1
-            );
-            return Err(self.error(Some(raw.span()), message));
-        }
-        let weights = entries.iter().enumerate();
+        let weights = self.one_per_mass(key, raw, loads)?.iter().enumerate();
         let weights = weights
             .map(|(i, value)| self.not_negative(&format!("{key}[{i}]"), Some(value), unit))
             .collect::<Result<Vec<_>>>()?;

@@ -34,6 +34,9 @@ pub(super) struct RawFile {
     /// that follow from the drive when absent.
     #[schemars(with = "Option<RawCost>")]
     pub(super) cost: Option<Spanned<RawCost>>,
+    /// The feedback gain itself, instead of `[cost]`: position and velocity of every mass.
+    #[schemars(with = "Option<RawGain>")]
+    pub(super) gain: Option<Spanned<RawGain>>,
     /// Limits of planned moves, each left to the design when absent.
     #[serde(rename = "move")]
     pub(super) motion: Option<RawMotion>,
@@ -190,6 +193,18 @@ pub(super) struct RawCost {
     /// s^3/m^2: diagonal of H, for the finite horizon alone; 0 when absent.
     #[schemars(with = "Option<Vec<f64>>")]
     pub(super) terminal_velocity: Option<Spanned<Vec<Number>>>,
+}
+
+/// The feedback gain, against absolute positions and velocities.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawGain {
+    /// A/m, one entry per mass, actuator first; the sum must be above 0.
+    #[schemars(with = "Vec<f64>")]
+    pub(super) position: Spanned<Vec<Number>>,
+    /// A s/m, one entry per mass, actuator first.
+    #[schemars(with = "Vec<f64>")]
+    pub(super) velocity: Spanned<Vec<Number>>,
 }
 
 /// How the state observer is designed.

@@ -1,8 +1,9 @@
 //! The drive file with identified values in it: everything else, comments included, stays as it was.
 
 use super::{Identified, Quantity};
+use crate::drive::edit::{remove, set};
 use crate::error::{Error, Result};
-use toml_edit::{DocumentMut, Item, Table, Value, value};
+use toml_edit::{DocumentMut, Item, Table};
 
 /// The text of a drive file with the identified quantities replaced.
 ///
@@ -51,24 +52,6 @@ fn friction(document: &mut DocumentMut) -> &mut Item {
     document
         .entry("friction")
         .or_insert(Item::Table(Table::new()))
-}
-
-/// Replaces a value and keeps the comment behind it.
-fn set(table: &mut Item, key: &str, number: f64) {
-    match table.get_mut(key).and_then(Item::as_value_mut) {
-        Some(old) => {
-            let decor = old.decor().clone();
-            *old = Value::from(number);
-            *old.decor_mut() = decor;
-        }
-        None => table[key] = value(number),
-    }
-}
-
-fn remove(table: &mut Item, key: &str) {
-    if let Some(table) = table.as_table_like_mut() {
-        table.remove(key);
-    }
 }
 
 #[cfg(test)]

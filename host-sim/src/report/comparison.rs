@@ -355,6 +355,21 @@ pub(super) fn tuning(tuning: &Tuning, units: &Units) -> String {
             }
             text
         }
+        Tuning::Gain(gain) => {
+            let list = |values: &[f64]| {
+                let values = values.iter().map(|value| significant(*value, 4));
+                values.collect::<Vec<_>>().join(", ")
+            };
+            format!(
+                "gain [{}] {}, [{}] {}, load_force_ratio {}, disturbance_rate {} 1/s",
+                list(&gain.position),
+                units.position_gain,
+                list(&gain.velocity),
+                units.velocity_gain,
+                significant(gain.load_force_ratio, 4),
+                significant(gain.disturbance_rate, 4)
+            )
+        }
         Tuning::Weights(weights) => {
             let list = |values: &[f64]| {
                 let values = values.iter().map(|value| significant(*value, 3));

@@ -7,17 +7,17 @@ use crate::error::Result;
 use crate::linear::eigen::eigenvalues;
 use nalgebra::{Complex, DMatrix, DVector, RowDVector};
 
-/// Whether the gain solves its Riccati equation.
-pub(super) fn riccati_residual(design: &Design) -> Check {
-    let (value, limit) = (design.riccati_residual, 1e-9);
-    Check::new(
+/// Whether the gain solves its Riccati equation; a gain that is stated has none to solve.
+pub(super) fn riccati_residual(design: &Design) -> Option<Check> {
+    let (value, limit) = (design.riccati_residual?, 1e-9);
+    Some(Check::new(
         "riccati_residual",
         // The smaller the better.
         verdict(limit / value, 1.0, 1e-3),
         (value, limit),
         "residual of the regulator's Riccati equation relative to its solution; weights \
                  that lie fewer decades apart make it smaller",
-    )
+    ))
 }
 
 /// The condition of section III, on the matrix that the chosen observer is built on.

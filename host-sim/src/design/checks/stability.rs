@@ -1,6 +1,6 @@
 //! The drive's own loop: whether it is stable, and how far from the brink.
 
-use super::{Check, Design, Verdict, verdict};
+use super::{Check, Design, Verdict, verdict, weaker};
 use crate::design::drive_loop::{Compensation, DriveLoop};
 use crate::design::loop_margins::LoopMargins;
 use crate::error::Result;
@@ -33,9 +33,12 @@ pub(in crate::design) fn closed_loop(design: &Design) -> Result<Check> {
             Verdict::Refuse
         },
         (value, limit),
-        "largest pole of the drive's own loop, with its observers, moving or held at rest; from 1 on it is not stable: \
-         higher control.disturbance_cutoff and control.reaction_force_cutoff, a larger \
-         cost.current or a shorter control.sample_time",
+        format!(
+            "largest pole of the drive's own loop, with its observers, moving or held at rest; from 1 on it is not \
+             stable: higher control.disturbance_cutoff and control.reaction_force_cutoff, {} or a shorter \
+             control.sample_time",
+            weaker(design)
+        ),
     ))
 }
 
@@ -50,7 +53,7 @@ const PHASE: f64 = 30.0;
 const WORST_PHASE: f64 = 15.0;
 
 /// How far the loop stays from the brink over all frequencies.
-fn peak_sensitivity(margins: &Margins) -> Check {
+fn peak_sensitivity(margins: &Margins, weaker: &str) -> Check {
     let value = margins.peak_sensitivity;
     Check::new(
         "peak_sensitivity",
@@ -60,29 +63,31 @@ fn peak_sensitivity(margins: &Margins) -> Check {
         format!(
             "at {:.1} Hz the loop makes a disturbance this many times larger; below {PEAK} the margins are \
              6 dB and 29 degrees at least, above {WORST_PEAK} they are no more than a machine differs from \
-             its description, and it is refused: higher cutoffs, a larger cost.current, or other observer \
-             settings",
+             its description, and it is refused: higher cutoffs, {weaker}, or other observer settings",
             margins.peak_sensitivity_hz
         ),
     )
 }
 
 /// How much phase the loop may lose where its gain is one.
-fn phase_margin(value: f64) -> Check {
+fn phase_margin(value: f64, weaker: &str) -> Check {
     Check::new(
         "phase_margin",
         verdict(value, PHASE, WORST_PHASE),
         (value, PHASE),
         format!(
             "degrees that the loop may lose where its gain is one; below {WORST_PHASE} a little more delay or \
-             a softer spring takes all of them, and it is refused: higher cutoffs, a larger cost.current or \
-             a shorter control.sample_time"
+             a softer spring takes all of them, and it is refused: higher cutoffs, {weaker} or a shorter \
+             control.sample_time"
         ),
     )
 }
 
 /// The checks of a stable loop's margins, the worse of both.
-pub(in crate::design) fn of_margins(margins: &LoopMargins) -> impl Iterator<Item = Check> + use<> {
+pub(in crate::design) fn of_margins(
+    design: &Design,
+    margins: &LoopMargins,
+) -> impl Iterator<Item = Check> + use<> {
     let LoopMargins { following, held } = margins;
     // What is no number is the worst.
     let worst = if held.peak_sensitivity <= following.peak_sensitivity {
@@ -92,7 +97,9 @@ pub(in crate::design) fn of_margins(margins: &LoopMargins) -> impl Iterator<Item
     };
     let phases = [following, held].map(|margins| margins.phase_margin_deg);
     let phase = phases.into_iter().flatten().reduce(f64::min);
-    [Some(peak_sensitivity(worst)), phase.map(phase_margin)]
+    let weaker = weaker(design);
+    let phase = phase.map(|phase| phase_margin(phase, weaker));
+    [Some(peak_sensitivity(worst, weaker)), phase]
         .into_iter()
         .flatten()
 }

@@ -214,11 +214,12 @@ fn poor_margins_are_refused() {
         peak_sensitivity_hz: 10.0,
     };
     let good = margins(1.2, None);
+    let mut design = design(|_| ());
     let verdicts = |margins: &Margins| -> Vec<Verdict> {
         // Whichever of the two it is that has them.
         let [one, other] = [(margins, &good), (&good, margins)].map(|(following, held)| {
             let (following, held) = (following.clone(), held.clone());
-            let checks = of_margins(&LoopMargins { following, held });
+            let checks = of_margins(&design, &LoopMargins { following, held });
             checks.map(|check| check.verdict).collect::<Vec<_>>()
         });
         assert_eq!(one, other);
@@ -230,11 +231,22 @@ fn poor_margins_are_refused() {
     assert_eq!(verdicts(&margins(1.5, None)), [Pass]);
     // What is no number is refused, and in words.
     let (following, held) = (margins(f64::INFINITY, None), good.clone());
-    let check = of_margins(&LoopMargins { following, held }).next().unwrap();
+    let poor = LoopMargins { following, held };
+    let check = of_margins(&design, &poor).next().unwrap();
     assert_eq!((check.verdict, check.value), (Refuse, None));
     assert!(
-        check.advice.starts_with("cannot be computed"),
+        check.advice.starts_with("cannot be computed") && check.advice.contains("cost.current"),
         "{}",
         check.advice
     );
+    // Who states the gain has no weight to change.
+    design.index = None;
+    for check in of_margins(&design, &poor) {
+        assert!(
+            check.advice.contains("smaller gains in [gain]"),
+            "{}",
+            check.advice
+        );
+        assert!(!check.advice.contains("cost."), "{}", check.advice);
+    }
 }
