@@ -16,3 +16,5 @@ mod moves;
 mod record;
 mod simulate_move;
 mod streamed_figures;
+mod sweep;
+mod tune;

@@ -1,9 +1,7 @@
 //! `host-sim tune`: a drive file with what was found, which is what was judged; the same for any number of threads;
 //! a family that contains another is not worse; and what cannot be asked.
 
-mod common;
-
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use serde_json::Value;
 use std::path::Path;
 

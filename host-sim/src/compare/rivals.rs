@@ -12,8 +12,7 @@ use crate::error::{Error, Result};
 use crate::output::Progress;
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{Approach, Scenario};
-use crate::simulate::watch::{WATCHED, judged};
-use crate::simulate::{Law, close_loop};
+use crate::simulate::watch::{WATCHED, measure_loop};
 
 /// The first PD law: the others of its family also start from what it has come to.
 const PLAIN: &str = "PD";
@@ -27,7 +26,6 @@ pub struct Rival {
 
 /// A rival for one drive.
 pub struct FormedRival<'a> {
-    name: &'static str,
     design: &'a Design,
     scenario: &'a Scenario,
     make: Make<'a>,
@@ -111,7 +109,6 @@ impl Rival {
         }
         let (_, make) = (law.form)(&self.point).map_err(|error| wrong(&error))?;
         Ok(FormedRival {
-            name: self.name,
             design,
             scenario,
             make,
@@ -135,14 +132,12 @@ impl FormedRival<'_> {
             tuned: false,
         };
         let mut control = (self.make)(&case)?;
-        let run = close_loop(
-            Law::Rival(self.name),
+        measure_loop(
             control.as_mut(),
             (&case.plant, 0),
             self.scenario,
-            (period, duration + WATCHED),
-        )?;
-        let run = run.with_tolerance(self.design);
-        Ok(judged(run, (duration / period).round() as usize).1)
+            (period, duration, duration + WATCHED),
+            self.design.motion.settling_tolerance,
+        )
     }
 }

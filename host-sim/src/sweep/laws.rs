@@ -8,7 +8,7 @@ use crate::output::Progress;
 use crate::simulate::Law;
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::Scenario;
-use crate::simulate::watch::watched;
+use crate::simulate::watch::measure_watched;
 
 /// The laws that need no tuning.
 const DESIGNED: [(&str, Law); 2] = [("drive", Law::Core), ("full state", Law::FullState)];
@@ -107,7 +107,7 @@ impl<'a> Bench<'a> {
     fn figures(&self, law: &Formed<'_>, plant: &PlantFile) -> Result<Metrics> {
         match law {
             Formed::Designed(law) => {
-                Ok(watched(self.design, plant, self.scenario, *law, self.duration)?.1)
+                measure_watched(self.design, plant, self.scenario, *law, self.duration)
             }
             Formed::Rival(rival) => rival.watched(plant, self.duration),
         }

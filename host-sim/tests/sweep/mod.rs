@@ -1,11 +1,9 @@
 //! `host-sim sweep`: every row is what `simulate` says of the same drive and plant; threads, shards and kills
 //! leave no trace in the file; what does not belong together is not merged.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod files;
 
-use common::{host_sim, ran};
+use crate::common::{host_sim, ran};
 use files::{Row, rows};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
