@@ -1000,7 +1000,7 @@ fn changed_settings_are_found() {
                 &settings().actuator,
                 &settings().limits,
                 1.0,
-            )
+            );
         },
         &|parts| {
             parts.disturbance = DisturbanceObserver::new(&settings().actuator, 300.0, 1e-3);

@@ -342,7 +342,7 @@ impl Moves<'_> {
         let reach = self.plans.change.reach;
         let cruise = self.velocity(memory.pace).abs() / reach;
         let (mut displacements, mut changes) = (0.0, [0.0, 0.0]);
-        for segment in memory.segments.iter() {
+        for segment in &memory.segments {
             let share = segment.scale.abs() / self.plan(segment.what).reach;
             match segment.what {
                 What::Displacement(_) => displacements += share,
