@@ -250,7 +250,12 @@ pub fn cases(design: &Design) -> Vec<Case> {
 /// # Errors
 /// [`Error::Comparison`] when they are not.
 pub fn require_comparable(design: &Design) -> Result<()> {
-    let (duration, period) = (duration(design), design.drive.control.sample_time);
+    require_short(design, duration(design))
+}
+
+/// The same of runs of another length, s.
+fn require_short(design: &Design, duration: f64) -> Result<()> {
+    let period = design.drive.control.sample_time;
     if duration > LONGEST * period {
         return Err(Error::Comparison(format!(
             "a run of {duration:.1} s ({PERIODS} periods of the slowest mode, {SHORTEST_MOVES} times the \
@@ -509,10 +514,15 @@ pub fn evaluations(design: &Design, effort: Effort) -> usize {
 /// `2 √(s M / F)` of a rigid drive over the step `s`, and 200 control periods.
 #[must_use]
 pub fn duration(design: &Design) -> f64 {
+    duration_over(design, scenario().target)
+}
+
+/// The same over another distance, m.
+fn duration_over(design: &Design, distance: f64) -> f64 {
     let drive = &design.drive;
     let slowest = design.modes().first().map_or(1.0, |mode| mode.frequency_hz);
     let acceleration = drive.actuator.largest_force() / drive.total_mass();
-    let shortest = 2.0 * (scenario().target / acceleration).sqrt();
+    let shortest = 2.0 * (distance.abs() / acceleration).sqrt();
     (PERIODS / slowest)
         .max(SHORTEST_MOVES * shortest)
         .max(SAMPLES * drive.control.sample_time)

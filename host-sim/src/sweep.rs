@@ -33,7 +33,7 @@ use crate::design::Design;
 use crate::design::assessment::require_sound_at_first_look;
 use crate::drive::{DEFAULT_DRIVE, Drive, PlantFile};
 use crate::error::{Error, Result};
-use crate::output::Progress;
+use crate::output::{Progress, Unfinished};
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{Approach, Scenario, Start};
 use crate::simulate::sequence::require_a_count;
@@ -66,6 +66,8 @@ pub struct Sweep {
     design: Design,
     rows: Rows,
     identity: Identity,
+    /// The files that it was read from.
+    inputs: Vec<PathBuf>,
 }
 
 /// How a sweep is watched, and ended before its time.
@@ -117,11 +119,16 @@ impl Sweep {
             None => Drive::default_drive(),
             Some((path, text)) => Drive::parse(text, &path.display().to_string())?,
         };
-        let drive_text = drive_file.map_or(DEFAULT_DRIVE.to_owned(), |(_, text)| text);
+        let drive_text = drive_file
+            .as_ref()
+            .map_or(DEFAULT_DRIVE.to_owned(), |(_, text)| text.clone());
         let plant_file = read(&description.plant)?;
         if let Some((path, text)) = &plant_file {
             PlantFile::parse(text, &path.display().to_string())?.require_fit(&drive)?;
         }
+        let files = [&drive_file, &plant_file].into_iter().flatten();
+        let inputs = files.map(|(path, _)| path.clone());
+        let inputs = inputs.chain([PathBuf::from(name)]).collect();
         let plant_text = plant_file.map(|(_, text)| text);
         let variation = Variation::new(&description, &drive_text, plant_text.as_deref())?;
         let (approach, target, way) = match description.way {
@@ -172,6 +179,7 @@ impl Sweep {
             variation,
             design,
             identity,
+            inputs,
         })
     }
 
@@ -188,6 +196,14 @@ impl Sweep {
     /// as well; [`Error::Comparison`] when a rival cannot be tuned; [`Error::Write`]; [`Error::Sweep`] when it was
     /// ended before its time.
     pub fn run(&self, out: &Path, shard: Shard, watch: &Watch<'_>) -> Result<Summary> {
+        if let Some(input) = self.inputs.iter().find(|input| are_one(input, out)) {
+            let name = input.display();
+            return Err(Error::Usage(format!(
+                "the figures cannot go to {name}: the sweep is read from there"
+            )));
+        }
+        // What cannot be written is said before the work.
+        Unfinished::create(out)?;
         let header = self.header(shard, shard.samples(self.samples()));
         let folder = chunk_folder(out);
         let missing = chunks(&header.samples)
@@ -343,6 +359,12 @@ fn require_duration(duration: f64, period: f64) -> std::result::Result<(), Strin
     Err(format!(
         "duration = {duration}: must be from 2 to {LONGEST:e} control periods of {period} s"
     ))
+}
+
+/// Whether two paths lead to the same file, which is there.
+fn are_one(one: &Path, other: &Path) -> bool {
+    let [one, other] = [one, other].map(|path| path.canonicalize().ok());
+    one.is_some() && one == other
 }
 
 /// Where the chunks of an output are kept until it is whole.

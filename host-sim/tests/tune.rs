@@ -171,6 +171,30 @@ fn what_cannot_be_tuned_is_one_sentence_and_leaves_the_file_as_it_is() {
         );
     }
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "what stood there");
+    // Out of the travel.
+    let small = small(folder.path());
+    let (code, out, error) = thin(&[&small, "--distance", "0.1", "--toml", file], "2");
+    assert_eq!((code, out.as_str()), (2, ""), "{error}");
+    assert!(
+        error.contains("leads to 0.1 m, outside the travel"),
+        "{error}"
+    );
+    // Before the work, which here would take for ever.
+    let long = ["--evaluations", "1000000", "--tuned-on", "10000"];
+    let nowhere = folder.path().to_str().unwrap();
+    let (code, out, error) = ran(host_sim()
+        .args(["tune", &small, "--toml", nowhere])
+        .args(long));
+    assert_eq!((code, out.as_str()), (1, ""), "{error}");
+    assert!(error.contains("cannot write"), "{error}");
+    // Where the drive fails on every plant there is nothing to write: the step is far beyond its limits.
+    let far = ["--step", "--distance", "0.031", "--friction", "4:4"];
+    let (code, out, error) = thin(&[&[&small[..], "--toml", file], &far[..]].concat(), "2");
+    assert_eq!(
+        std::fs::read_to_string(&path).unwrap() == "what stood there",
+        code != 0,
+        "{out}{error}"
+    );
 }
 
 /// A drive file with other text in the place of its cost.

@@ -8,6 +8,7 @@ use crate::report::sweep;
 use crate::sweep::{Shard, Summary, Sweep, Watch, merge};
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::Ordering;
 
 /// Run many plants and drives, drawn at random or on a grid, under many laws; a row of figures for each.
@@ -65,13 +66,18 @@ impl SweepCommand {
         let out = self.out.unwrap_or_else(|| default_out(&file, self.shard));
         let progress = Progress::new(quiet, "design");
         let sweep = Sweep::load(&file)?;
-        catch_interrupt()?;
+        // While rivals are tuned Ctrl-C ends it as it ends other programs: there is nothing to be kept.
+        let caught = OnceLock::new();
         let summary = sweep.run(
             &out,
             self.shard,
             &Watch {
                 preparing: &|done, of, what| progress.step(done, of, what),
-                running: &|done, of| progress.rate(done, of, "samples"),
+                running: &|done, of| {
+                    // Where it cannot be caught, what is kept is kept all the same.
+                    let _ = caught.get_or_init(catch_interrupt);
+                    progress.rate(done, of, "samples");
+                },
                 stop: &|| INTERRUPTED.load(Ordering::Relaxed),
             },
         )?;

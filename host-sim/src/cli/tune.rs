@@ -9,10 +9,13 @@ use crate::design::assessment::require_sound;
 use crate::design::paper;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
-use crate::output::{print, write_file};
+use crate::output::{Unfinished, print};
 use crate::report::tune as report;
 use crate::simulate::scenario::Approach;
+use crate::simulate::sequence::require_within_travel;
+use arso_core::Place;
 use clap::{Args, ValueEnum};
+use std::io::Write;
 use std::path::PathBuf;
 
 /// Tune a drive for plants that are not known better than a set of them.
@@ -131,12 +134,20 @@ impl TuneCommand {
         };
         let design = Design::new(stated)?;
         require_sound(&design)?;
+        let place = Place((self.distance / shortest).round() as i64);
+        require_within_travel("distance", &design, self.distance, place)?;
+        // What cannot be written is said before the work.
+        let written = self.toml.as_deref().map(Unfinished::create).transpose()?;
         let found = tune(&design, &task, &|done, of, what| {
             progress.step(done, of, what);
         })?;
         drop(progress);
-        if let Some(path) = &self.toml {
-            write_file(path, drive_file(&file.text, &found.drive)?.as_bytes())?;
+        if let (Some(mut written), Some(path)) = (written, &self.toml) {
+            let text = drive_file(&file.text, &found.drive)?;
+            let failed = written
+                .write_all(text.as_bytes())
+                .map_err(Error::write(path));
+            failed.and_then(|()| written.finish())?;
         }
         if self.json {
             return print(&format!("{:#}\n", report::json(&design, &task, &found)));

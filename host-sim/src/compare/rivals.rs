@@ -5,14 +5,14 @@
 
 use super::laws::{self, Make};
 use super::tune::Moving;
-use super::{Bench, Case, Effort, require_comparable};
+use super::{Bench, Case, Effort, duration_over, require_comparable, require_short};
 use crate::design::Design;
 use crate::drive::PlantFile;
 use crate::error::{Error, Result};
 use crate::output::Progress;
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{Approach, Scenario};
-use crate::simulate::watch::{WATCHED, measure_loop};
+use crate::simulate::watch::{after, measure_loop, without_later_forces};
 
 /// The first PD law: the others of its family also start from what it has come to.
 const PLAIN: &str = "PD";
@@ -64,9 +64,13 @@ pub fn tune_rivals(
     let mut bench = Bench::new(design, effort);
     bench.scenario = *scenario;
     bench.moving = Moving::Any;
+    bench.duration = duration_over(design, scenario.target);
     if scenario.approach == Approach::Move {
         bench.go_by(design, scenario);
+        let planned = bench.period * design.plans()?.duration(scenario.target, bench.period);
+        bench.duration = bench.duration.max(2.0 * planned);
     }
+    require_short(design, bench.duration)?;
     let of_pd = names.iter().any(|name| name.starts_with(PLAIN));
     let laws = laws::tuned(design, scenario).into_iter();
     let laws = laws.filter(|law| names.contains(&law.name) || (of_pd && law.name == PLAIN));
@@ -127,7 +131,7 @@ impl FormedRival<'_> {
         let period = self.design.drive.control.sample_time;
         let case = Case {
             name: String::new(),
-            plant: plant.clone(),
+            plant: without_later_forces(plant, duration),
             late: 0,
             tuned: false,
         };
@@ -136,7 +140,7 @@ impl FormedRival<'_> {
             control.as_mut(),
             (&case.plant, 0),
             self.scenario,
-            (period, duration, duration + WATCHED),
+            (period, duration, duration + after(period)),
             self.design.motion.settling_tolerance,
         )
     }

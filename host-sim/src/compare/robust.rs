@@ -33,7 +33,7 @@ pub use plants::{Known, Ranges};
 use super::laws::Make;
 use super::moves::{Figures, still_after, watched};
 use super::tune::{self, Criterion, Moving};
-use super::{Case, Spread, Tuning, duration, require_comparable};
+use super::{Case, Spread, Tuning, duration_over, require_comparable, require_short};
 use crate::design::Design;
 use crate::design::assessment::require_sound;
 use crate::drive::Drive;
@@ -122,9 +122,15 @@ const IDLE_CURRENT: f64 = 0.025;
 /// the runs are too long or a rival cannot be formed.
 pub fn tune(design: &Design, task: &Task, progress: &Progress<'_>) -> Result<Found> {
     require_comparable(design)?;
+    let name = match task.approach {
+        Approach::Step => "step",
+        Approach::Move => "move",
+    };
     let scenario = Scenario {
         approach: task.approach,
         target: task.distance,
+        name,
+        linear_title: name,
         ..SCENARIOS[0]
     };
     let plans = match task.approach {
@@ -137,10 +143,19 @@ pub fn tune(design: &Design, task: &Task, progress: &Progress<'_>) -> Result<Fou
             Plans::of_less_current(design)?
         }
     };
+    let period = design.drive.control.sample_time;
+    // Of which at least half comes after the longest plan.
+    let alone = TUNED_FOR * duration_over(design, task.distance);
+    let longest = match task.approach {
+        Approach::Step => 0.0,
+        Approach::Move => period * plans.longest(task.distance, period),
+    };
+    let tuned_for = alone.max(longest + 0.5 * alone);
+    require_short(design, tuned_for)?;
     let bench = Bench {
         scenario,
-        period: design.drive.control.sample_time,
-        tuned_for: TUNED_FOR * duration(design),
+        period,
+        tuned_for,
         idle: IDLE_CURRENT * design.drive.actuator.current_limit,
         tuned_on: plants::draw(
             &design.drive,
@@ -186,11 +201,19 @@ pub fn tune(design: &Design, task: &Task, progress: &Progress<'_>) -> Result<Fou
             // As it is sold: by its own plans, with its own limits.
             Some(drive) => {
                 let design = Design::new(&drive)?.with_plans_of(law.design);
-                require_sound(&design)?;
+                if family.name == families::DRIVE {
+                    require_sound(&design)?;
+                }
                 let make: Make<'_> =
                     Box::new(|case| Ok(Box::new(Core::new(&design, &case.plant, &scenario)?)));
                 let judged = bench.judge(&design, family.name, law.tuning, &make)?;
                 if family.name == families::DRIVE {
+                    if judged.failed == bench.judged_on.len() {
+                        let why = judged.failure.unwrap_or_default();
+                        return Err(Error::Comparison(format!(
+                            "nothing was found that runs on a single plant: {why}"
+                        )));
+                    }
                     tuned = Some(drive);
                 }
                 judged

@@ -92,7 +92,7 @@ impl MoveSequence {
             let planned = plans.duration(counts * resolution, period);
             require_possible(design, distance, planned)?;
             let place = Place(before.map_or(0, |before| before.place.0) + counts as i64);
-            require_within_travel(design, distance, place)?;
+            require_within_travel("move", design, distance, place)?;
             let at = match times.get(number) {
                 None => before.map_or(0, |before| before.at + before.planned + room),
                 Some(time) => asked_at(*time, period, before)?,
@@ -222,7 +222,18 @@ fn require_possible(design: &Design, distance: f64, planned: f64) -> Result<()> 
     Ok(())
 }
 
-fn require_within_travel(design: &Design, distance: f64, place: Place) -> Result<()> {
+/// Refuses a place that the drive may not go to.
+///
+/// * `name`: of the distance that leads there, as it is asked for
+///
+/// # Errors
+/// [`Error::Parameter`].
+pub fn require_within_travel(
+    name: &'static str,
+    design: &Design,
+    distance: f64,
+    place: Place,
+) -> Result<()> {
     let resolution = design.drive.encoder.resolution;
     let Some([lowest, highest]) = design.drive.protection.travel else {
         return Ok(());
@@ -236,7 +247,7 @@ fn require_within_travel(design: &Design, distance: f64, place: Place) -> Result
     let target = (1e9 * place.0 as f64 * resolution).round() / 1e9;
     let rule =
         format!("leads to {target} {unit}, outside the travel from {lowest} to {highest} {unit}");
-    Err(Error::parameter("move", distance, rule))
+    Err(Error::parameter(name, distance, rule))
 }
 
 /// The control period of a time.

@@ -84,7 +84,7 @@ pub(crate) fn measure_loop(
 }
 
 /// How long a loop is watched after the experiment, s.
-fn after(period: f64) -> f64 {
+pub(crate) fn after(period: f64) -> f64 {
     WATCHED.min(LONGEST * period)
 }
 
@@ -252,7 +252,8 @@ pub fn measure_moves(
         .collect())
 }
 
-fn without_later_forces(plant: &PlantFile, duration: f64) -> PlantFile {
+/// The plant without forces that begin when the experiment is over.
+pub(crate) fn without_later_forces(plant: &PlantFile, duration: f64) -> PlantFile {
     let mut plant = plant.clone();
     plant.forces.retain(|force| force.start < duration);
     plant

@@ -117,11 +117,11 @@ pub(super) fn number(value: &Value) -> Option<f64> {
 }
 
 fn rising(word: &str, [low, high]: [f64; 2]) -> Result<(), String> {
-    if low.is_finite() && high.is_finite() && low < high {
+    if low < high && (high - low).is_finite() {
         Ok(())
     } else {
         Err(format!(
-            "{word} = {:?}: must be two finite numbers, the first below the second",
+            "{word} = {:?}: must be two finite numbers, the first below the second, and their difference finite",
             [low, high]
         ))
     }

@@ -1,5 +1,6 @@
 //! Parts of a sweep put together.
 
+use super::are_one;
 use super::file::{Header, Reader, Writer, wrong};
 use super::shard::Shard;
 use super::summary::{Gathered, Summary};
@@ -15,6 +16,12 @@ use std::path::Path;
 /// [`Error::Input`] or [`Error::Usage`] when a part is missing, given twice, not whole, or of another sweep or
 /// version; [`Error::Write`].
 pub fn merge(out: &Path, parts: &[impl AsRef<Path>], progress: &Progress<'_>) -> Result<Summary> {
+    if let Some(part) = parts.iter().find(|part| are_one(part.as_ref(), out)) {
+        return Err(Error::Usage(format!(
+            "the whole cannot go to {}: that is one of its parts",
+            part.as_ref().display()
+        )));
+    }
     let readers = parts.iter().map(|path| Reader::open(path.as_ref()));
     let mut readers = readers.collect::<Result<Vec<_>>>()?;
     readers.sort_by_key(|reader| reader.header.shard.number());

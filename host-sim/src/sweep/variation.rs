@@ -18,7 +18,7 @@ use rand_chacha::rand_core::SeedableRng;
 use toml::{Table, Value};
 
 /// Tables of a drive file that say nothing of what is there.
-const BELIEFS: [&str; 5] = ["control", "observer", "cost", "move", "protection"];
+const BELIEFS: [&str; 6] = ["control", "observer", "cost", "gain", "move", "protection"];
 /// Most samples of a sweep, grid and draws together.
 const MOST: u64 = 1_000_000_000;
 
@@ -74,9 +74,13 @@ impl Variation {
             let keys = variation
                 .keys_of(vary)
                 .map_err(|why| wrong(description, vary, &why))?;
-            let names: Vec<&str> = variation.keys().map(|(name, _)| name).collect();
-            if let Some(twice) = keys.iter().find(|key| names.contains(&&key.name[..])) {
-                let why = format!("{} varies by another line as well", twice.name);
+            let others = variation.keys.iter();
+            let twice = |key: &Key| others.clone().find(|other| overlap(&key.name, &other.name));
+            if let Some((key, other)) = keys.iter().find_map(|key| Some((key, twice(key)?))) {
+                let why = format!(
+                    "{} varies by another line as well, {}",
+                    key.name, other.name
+                );
                 return Err(wrong(description, vary, &why));
             }
             variation.keys.extend(keys);
@@ -101,6 +105,12 @@ impl Variation {
             Some(("plant", path)) => (Of::Plant, path),
             _ => return Err("must begin with `drive.` or `plant.`".into()),
         };
+        let table = path.split('.').next().unwrap_or_default();
+        if of == Of::Plant && BELIEFS.contains(&table) {
+            return Err(format!(
+                "a plant has no `{table}`: what the drive does is varied as `drive.{path}`"
+            ));
+        }
         let path = Path::parse(path)?;
         let paths = if vary.stated.each {
             let document = match of {
@@ -217,6 +227,14 @@ impl Variation {
         }
         Ok(table)
     }
+}
+
+/// Whether two keys have a value in common: one names what the other does, an element of it, or all of its kind.
+fn overlap(one: &str, other: &str) -> bool {
+    let steps = one.split('.').zip(other.split('.'));
+    let number = |step: &str| step.parse::<usize>().is_ok();
+    let same = |a: &str, b: &str| a == b || (a == "*" && number(b)) || (b == "*" && number(a));
+    steps.into_iter().all(|(a, b)| same(a, b))
 }
 
 /// A value as a column of numbers or of texts has it.
@@ -343,6 +361,26 @@ mod tests {
         );
     }
 
+    /// Whichever line comes first, and whatever its kind.
+    #[test]
+    fn keys_that_overlap_are_refused() {
+        let each = "{ uniform = [0.1, 0.2] }";
+        for (one, other) in [
+            ("plant.load.*.mass", "plant.load.1.mass"),
+            ("plant.load.2.mass", "plant.load.*.mass"),
+            ("drive.actuator.mass", "drive.actuator.mass"),
+        ] {
+            let error = variation(&format!("\"{one}\" = {each}\n\"{other}\" = {each}"));
+            let error = error.err().unwrap().to_string();
+            assert!(
+                error.contains("by another line") || error.contains("duplicate key"),
+                "{error}"
+            );
+        }
+        let apart = format!("\"plant.load.1.mass\" = {each}\n\"drive.load.1.mass\" = {each}");
+        assert!(variation(&apart).is_ok());
+    }
+
     #[test]
     fn what_no_file_can_have_is_refused_with_its_key_and_line() {
         for (vary, part) in [
@@ -353,6 +391,18 @@ mod tests {
             (
                 "\"plant.load.4.mass\" = { uniform = [1.0, 2.0] }",
                 "has 3 in the file, and no 4",
+            ),
+            (
+                "\"plant.cost.current\" = { choice = [1.0, 2.0] }",
+                "a plant has no `cost`",
+            ),
+            (
+                "\"plant.gain.position.1\" = { choice = [1.0, 2.0] }",
+                "a plant has no `gain`",
+            ),
+            (
+                "\"plant.friction.coulomb\" = { uniform = [-1e308, 1e308] }",
+                "their difference finite",
             ),
             (
                 "\"load.3.mass\" = { uniform = [1.0, 2.0] }",

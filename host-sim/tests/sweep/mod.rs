@@ -380,6 +380,56 @@ fn what_does_not_belong_together_is_not_merged() {
     }
     let stands = std::fs::read_to_string(bench.path("whole.parquet")).unwrap();
     assert_eq!(stands, "what stood here");
+    // Not even into one of them.
+    let part = std::fs::read(bench.path("1.parquet")).unwrap();
+    let all = ["1.parquet", "2.parquet", "3.parquet"];
+    let error = bench.refused(&[&["sweep", "merge", "./1.parquet"], &all[..]].concat());
+    assert!(error.contains("that is one of its parts"), "{error}");
+    assert_eq!(std::fs::read(bench.path("1.parquet")).unwrap(), part);
+}
+
+/// Before anything is run, which here would take for ever.
+#[test]
+fn where_the_figures_cannot_go_is_said_before_the_work() {
+    let bench = Bench::drawn(100_000_000);
+    for input in ["sweep.toml", "./drive.toml"] {
+        let before = std::fs::read(bench.path(input)).unwrap();
+        let error = bench.refused(&["sweep", "sweep.toml", "--out", input]);
+        assert!(error.contains("the sweep is read from there"), "{error}");
+        assert_eq!(std::fs::read(bench.path(input)).unwrap(), before);
+    }
+    std::fs::create_dir(bench.path("folder")).unwrap();
+    let mut command = bench.command(&["sweep", "sweep.toml", "--out", "folder"]);
+    let (code, text, error) = ran(&mut command);
+    assert_eq!((code, text.as_str()), (1, ""));
+    assert!(error.contains("cannot write folder"), "{error}");
+    assert!(!bench.path("folder.parts").exists());
+}
+
+/// A force that begins when the experiment is over is no part of it, under any law.
+#[test]
+fn forces_after_the_experiment_change_no_figure() {
+    let bench = Bench::new("laws = [\"drive\", \"PD\"]\nevaluations = 20\n");
+    let without = bench.sweep("without.parquet", &[]);
+    let force = "[[force]]\nmass = 0\nstart = 2.0\nduration = 1.0\nnewton = 2.0\n";
+    let plant = DRIVE.split("[control]").next().unwrap();
+    let sweep = std::fs::read_to_string(bench.path("sweep.toml")).unwrap();
+    bench.write("sweep.toml", &format!("plant = \"plant.toml\"\n{sweep}"));
+    bench.write("plant.toml", &format!("{plant}{force}"));
+    let with = bench.sweep("with.parquet", &[]);
+    // What they were made of differs, and is in the files.
+    assert_ne!(without, with);
+    let [without, with] = ["without.parquet", "with.parquet"].map(|name| rows(&bench.path(name)));
+    for (without, with) in without.iter().zip(&with) {
+        for figure in [
+            "settling_time",
+            "within_tolerance_from",
+            "overshoot",
+            "peak_current",
+        ] {
+            assert_eq!(without.number(figure), with.number(figure), "{figure}");
+        }
+    }
 }
 
 #[test]

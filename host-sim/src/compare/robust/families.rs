@@ -107,6 +107,13 @@ impl Plans {
         Ok(Self(all))
     }
 
+    /// Longest time that one of them takes over a distance, control periods.
+    pub(super) fn longest(&self, distance: f64, sample_time: f64) -> f64 {
+        let plans = self.0.iter().filter_map(|design| design.plans().ok());
+        let each = plans.map(|plans| plans.duration(distance, sample_time));
+        each.fold(0.0, f64::max)
+    }
+
     /// Of a variable from 0, the file's own, to the slowest.
     fn of(&self, variable: f64) -> &Design {
         let last = self.0.len() - 1;
