@@ -187,14 +187,13 @@ fn what_cannot_be_tuned_is_one_sentence_and_leaves_the_file_as_it_is() {
         .args(long));
     assert_eq!((code, out.as_str()), (1, ""), "{error}");
     assert!(error.contains("cannot write"), "{error}");
-    // Where the drive fails on every plant there is nothing to write: the step is far beyond its limits.
-    let far = ["--step", "--distance", "0.031", "--friction", "4:4"];
-    let (code, out, error) = thin(&[&[&small[..], "--toml", file], &far[..]].concat(), "2");
-    assert_eq!(
-        std::fs::read_to_string(&path).unwrap() == "what stood there",
-        code != 0,
-        "{out}{error}"
-    );
+    // Where the drive fails on every plant, here as soon as it moves, there is nothing to write.
+    let slow = SMALL.replace("[protection]\n", "[protection]\nvelocity = 1e-3\n");
+    std::fs::write(&small, slow).unwrap();
+    let (code, out, error) = thin(&[&small, "--step", "--toml", file], "2");
+    assert_eq!((code, out.as_str()), (1, ""), "{error}");
+    assert!(error.contains("on a single plant"), "{error}");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "what stood there");
 }
 
 /// A drive file with other text in the place of its cost.
