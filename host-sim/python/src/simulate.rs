@@ -7,7 +7,7 @@ use crate::errors::{DriveFault, raised, unusable};
 use host_sim::design::Design;
 use host_sim::drive::PlantFile;
 use host_sim::error::{Error, Result};
-use host_sim::simulate::corridor::{Record, estimate};
+use host_sim::simulate::corridor::Record;
 use host_sim::simulate::experiment::{Experiment, require_duration};
 use host_sim::simulate::metrics::Metrics;
 use host_sim::simulate::scenario::{Approach, SCENARIOS, Scenario, Start};
@@ -327,7 +327,9 @@ fn made(py: Python<'_>, run: &Simulated, figures: &Figures) -> PyResult<Run> {
     let estimates: Vec<f64> = samples
         .iter()
         .filter_map(|sample| sample.record.as_ref())
-        .flat_map(estimate)
+        .flat_map(Record::columns)
+        .filter(|column| column.mass.is_some())
+        .map(|column| column.value)
         .collect();
     let observed = estimates.len() == rows.len();
     let shape = (samples.len(), states);
