@@ -143,19 +143,10 @@ pub fn tune(design: &Design, task: &Task, progress: &Progress<'_>) -> Result<Fou
             Plans::of_less_current(design)?
         }
     };
-    let period = design.drive.control.sample_time;
-    // Of which at least half comes after the longest plan.
-    let alone = TUNED_FOR * duration_over(design, task.distance);
-    let longest = match task.approach {
-        Approach::Step => 0.0,
-        Approach::Move => period * plans.longest(task.distance, period),
-    };
-    let tuned_for = alone.max(longest + 0.5 * alone);
-    require_short(design, tuned_for)?;
     let bench = Bench {
         scenario,
-        period,
-        tuned_for,
+        period: design.drive.control.sample_time,
+        tuned_for: tuned_for(design, task, &plans)?,
         idle: IDLE_CURRENT * design.drive.actuator.current_limit,
         tuned_on: plants::draw(
             &design.drive,
@@ -226,6 +217,22 @@ pub fn tune(design: &Design, task: &Task, progress: &Progress<'_>) -> Result<Fou
     }
     let drive = tuned.unwrap_or_else(|| design.drive.clone());
     Ok(Found { laws, drive })
+}
+
+/// Length of the runs that laws are tuned by, s; at least half of it comes after the longest plan.
+///
+/// # Errors
+/// [`Error::Comparison`] where that is too long.
+fn tuned_for(design: &Design, task: &Task, plans: &Plans) -> Result<f64> {
+    let period = design.drive.control.sample_time;
+    let alone = TUNED_FOR * duration_over(design, task.distance);
+    let longest = match task.approach {
+        Approach::Step => 0.0,
+        Approach::Move => period * plans.longest(task.distance, period),
+    };
+    let whole = alone.max(longest + 0.5 * alone);
+    require_short(design, whole)?;
+    Ok(whole)
 }
 
 /// The current at the end of a run, taken while it passes.
