@@ -9,10 +9,10 @@
 //! What is searched of the drive is its gain itself, two entries for each mass, the two densities of its observer and,
 //! where it goes by planned moves, the share of the current limit that plans may use: less current makes a longer plan,
 //! which leaves less to ring where the plant is another one. Weights of a performance index would not do: no
-//! diagonal ones lead to a PD law, and a PD law is a serious rival. The rivals beside it ([`families`]) are tuned by
+//! diagonal ones lead to a PD law, and a PD law is a serious rival. The rivals beside it (`families`) are tuned by
 //! the same search with the same budget on the same plants, and go the same way.
 //!
-//! Of one plant the criterion is that of [`tune`](super::tune), and what the current does at rest:
+//! Of one plant the criterion is that of `tune` beside this, and what the current does at rest:
 //!
 //! ```text
 //! c = mean over b of t_b + h + T / 10 (σ_i / σ_0 − 1)⁺       J = ½ (mean of all c + mean of the worst quarter)
