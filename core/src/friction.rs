@@ -33,6 +33,11 @@ impl FrictionFeedForward {
         Force(self.coulomb * whole + self.viscous * velocity.0)
     }
 
+    /// The same with other Coulomb friction.
+    pub(crate) const fn with(self, Force(coulomb): Force) -> Self {
+        Self { coulomb, ..self }
+    }
+
     pub(crate) fn check(&self) -> Result<(), SettingsError> {
         not_negative("friction.coulomb", self.coulomb)?;
         not_negative("friction.viscous", self.viscous)?;
