@@ -9,6 +9,9 @@
 //!
 //! The observers are fed with the current less this part: to them the machine is one without friction, and
 //! what their disturbance state finds and compensates is the rest of it.
+//!
+//! Where no Coulomb friction is declared, what held the actuator when the signs were proven takes its place
+//! (`direction_check`).
 
 use crate::check::{SettingsError, not_negative, positive};
 use crate::units::{Force, Velocity};
