@@ -171,13 +171,14 @@ fn an_observer_of_placed_poles_is_as_fast_as_asked() {
     }
 }
 
-/// The disturbance state takes friction for what it is; without it the observer puts the same force down
+/// The disturbance state takes what pushes the actuator for what it is; without it the observer puts the same force down
 /// to the load and leaves the load away from its target for long.
 #[test]
-fn without_the_disturbance_state_friction_is_taken_for_load() {
+fn without_the_disturbance_state_a_push_is_taken_for_load() {
     let directory = tempfile::tempdir().unwrap();
     let plant = directory.path().join("plant.toml");
-    fs::write(&plant, format!("{DRIVE}\n[friction]\ncoulomb = 0.1\n")).unwrap();
+    let push = "[[force]]\nmass = 0\nnewton = -0.1\nstart = 0.0\nduration = 2.0\n";
+    fs::write(&plant, format!("{DRIVE}\n{push}")).unwrap();
     let metrics = |drive: &str| {
         let arguments = [
             &["simulate", "drive.toml", "--scenario", "fig3", "--out", "."][..],
@@ -195,7 +196,6 @@ fn without_the_disturbance_state_friction_is_taken_for_load() {
     let settled = |metrics: &Value| metrics["settling_time"].as_f64();
     let quick = settled(&with).unwrap();
     assert!(quick < 0.2, "{with}");
-    // Only after the time it is given to settle is it pushed to its target.
     let slow = settled(&without).unwrap_or(f64::INFINITY);
     assert!(slow > 3.0 * quick, "{without}");
 }
