@@ -463,6 +463,16 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         Current(self.holding_force.0 * self.current_per_force)
     }
 
+    /// Coulomb friction: what is declared, or what held the actuator when the signs were proven, where none is.
+    fn coulomb(&self, stiction: Option<f32>) -> Force {
+        match stiction {
+            Some(seen) if self.friction.coulomb == 0.0 => {
+                Force(seen.min(self.standstill.learning.most))
+            }
+            _ => Force(self.friction.coulomb),
+        }
+    }
+
     /// What a running drive begins with, where the actuator stands, at rest.
     ///
     /// * `set`: whether zero is known
@@ -474,10 +484,7 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             observer: self.observer.at_rest(self.holding_force),
             target: place,
             moves: moves::Memory::default(),
-            standstill: standstill::Memory::at_rest(
-                self.holding_force,
-                Force(self.friction.coulomb),
-            ),
+            standstill: standstill::Memory::at_rest(self.holding_force, self.coulomb(stiction)),
             fed: Fed::default(),
             difference: Estimate::default(),
             expected: Expected::default(),
@@ -621,7 +628,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         let rule = self
             .standstill
             .step(&mut memory.standstill, reference.rests, difference);
-        let friction = self.friction.step(velocity).0 + rule.friction.0;
+        let friction =
+            self.friction.with(self.coulomb(stiction)).step(velocity).0 + rule.friction.0;
         memory.fed.friction = Current(friction * self.current_per_force);
         let wanted = Current(
             reference.feed_forward.0

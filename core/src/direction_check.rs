@@ -34,6 +34,8 @@ pub(crate) const PATIENCE: f32 = 2.0;
 /// How long the current rises, s, and to which share of its limit.
 const RAMP_TIME: f32 = 0.5;
 const RAMP_SHARE: f32 = 0.5;
+/// Periods in which the force of the ramp rises by what friction can be told from none.
+const TOLD: f32 = 2.0;
 /// Share of the current limit by which the current changes at once to turn the motion round.
 const RETURN_SHARE: f32 = 0.2;
 
@@ -112,7 +114,8 @@ impl DirectionCheck {
     /// Force by which friction held the actuator still, as far as the ramp has shown it, N: the motor's force
     /// when it was first seen to move, less what a machine without friction has when it is.
     ///
-    /// A force that rises at `F'` moves the actuator by `F' t³ / 6 m`, before its springs know of it.
+    /// A force that rises at `F'` moves the actuator by `F' t³ / 6 m`, before its springs know of it. What the force
+    /// rises by in two periods cannot be told from none.
     #[must_use]
     pub fn stiction(&self, memory: &Memory) -> Option<f32> {
         let rate = self.force_constant * self.largest_current / RAMP_TIME;
@@ -121,7 +124,12 @@ impl DirectionCheck {
         let time = libm::powf(6.0 * self.actuator_mass * moved / rate, 1.0 / 3.0);
         let breakaway = self.force_constant * current;
         // One period, because it is seen in whole ones.
-        Some((breakaway - rate * (time + self.sample_time)).max(0.0))
+        let seen = breakaway - rate * (time + self.sample_time);
+        Some(if seen > TOLD * rate * self.sample_time {
+            seen
+        } else {
+            0.0
+        })
     }
 
     /// What proves that the encoder moves, m.

@@ -9,6 +9,9 @@
 //!
 //! The observers are fed with the current less this part: to them the machine is one without friction, and
 //! what their disturbance state finds and compensates is the rest of it.
+//!
+//! Where no Coulomb friction is declared, what held the actuator when the signs were proven takes its place
+//! (`direction_check`).
 
 use crate::check::{SettingsError, not_negative, positive};
 use crate::units::{Force, Velocity};
@@ -31,6 +34,11 @@ impl FrictionFeedForward {
     pub fn step(&self, velocity: Velocity) -> Force {
         let whole = (velocity.0 / self.smoothing).clamp(-1.0, 1.0);
         Force(self.coulomb * whole + self.viscous * velocity.0)
+    }
+
+    /// The same with other Coulomb friction.
+    pub(crate) const fn with(self, Force(coulomb): Force) -> Self {
+        Self { coulomb, ..self }
     }
 
     pub(crate) fn check(&self) -> Result<(), SettingsError> {

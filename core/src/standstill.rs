@@ -78,7 +78,7 @@ impl Memory {
 
     /// At rest under a steady force.
     ///
-    /// * `coulomb`: friction as declared
+    /// * `coulomb`: friction as far as it is known
     pub(crate) fn at_rest(force: Force, coulomb: Force) -> Self {
         Self {
             compensation: force.0,

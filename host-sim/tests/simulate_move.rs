@@ -90,6 +90,25 @@ fn a_move_is_judged_by_its_own_file() {
     }
 }
 
+/// What held the actuator when the signs were proven is worth what a drive file says of friction: the first move ends as
+/// it does with friction stated.
+#[test]
+fn friction_that_is_not_stated_is_seen_when_the_signs_are_proven() {
+    for newton in [0.05, 0.1, 0.15, 0.2] {
+        let directory = tempfile::tempdir().unwrap();
+        let rubs = directory.path().join("rubs.toml");
+        fs::write(&rubs, format!("{DRIVE}\n[friction]\ncoulomb = {newton}\n")).unwrap();
+        let rubs = rubs.to_str().unwrap();
+        let within = |drive: &[&str]| {
+            let arguments = [drive, &["--plant", rubs, "--move", "0.03"]].concat();
+            let simulated = Simulated::new(&arguments, "move");
+            number(&simulated.experiments[0]["metrics"]["within_tolerance_from"])
+        };
+        let [stated, seen] = [within(&[rubs]), within(&[])];
+        assert!(seen < stated + 5e-3, "{newton} N: {seen} s, {stated} s stated");
+    }
+}
+
 /// Each begins when the one before has ended, and each has figures and a bound of its own.
 #[test]
 fn moves_are_made_one_after_the_other() {

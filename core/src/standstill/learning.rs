@@ -1,4 +1,5 @@
-//! How much friction there is, learned while the machine settles; what the drive file declares is the first guess.
+//! How much friction there is, learned while the machine settles; what the drive file declares is the first guess, or
+//! what held the actuator when the signs were proven.
 //! And, once it has settled, the push that overcomes it.
 //!
 //! ```text
@@ -48,7 +49,7 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// * `coulomb`: as declared
+    /// * `coulomb`: the first guess
     pub(super) fn new(coulomb: Force) -> Self {
         Self {
             friction: coulomb.0,

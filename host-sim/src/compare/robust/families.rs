@@ -76,8 +76,8 @@ pub(super) struct Formed<'a> {
 pub(super) struct Plans(Vec<Design>);
 
 /// By which the current of one is less than that of the one before, and how many there are.
-const LESS: f64 = 0.75;
-const LEVELS: i32 = 10;
+const LESS: f64 = 0.7;
+const LEVELS: i32 = 11;
 
 impl Plans {
     /// Those of the drive file alone.
