@@ -39,7 +39,7 @@ pub use shaper::Shaper;
 pub use spread::Spread;
 
 use crate::design::{Design, settling_tolerance};
-use crate::drive::{Drive, PlantFile};
+use crate::drive::{Drive, ObserverMethod, PlantFile, Weights};
 use crate::error::{Error, Result};
 use crate::output::Progress;
 use crate::simulate::metrics::{Frame, Metrics};
@@ -112,18 +112,18 @@ pub enum Tuning {
     Pd(PdSettings),
     /// The filter on the encoder.
     Encoder(EncoderSettings),
-    /// The drive's own law.
-    Weights(WeightSettings),
+    /// The drive's own law, by its weights.
+    Weights(LawSettings),
     /// The same, its gain itself.
-    Gain(GainSettings),
+    Gain(LawSettings),
 }
 
-/// Gain and observer of the drive's own law.
+/// What the drive's own law goes by: its gain or its weights, that of the current being the drive's, and its observer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GainSettings {
-    /// A/m, actuator first.
+pub struct LawSettings {
+    /// Gains in A/m or weights in 1/m², actuator first.
     pub position: Vec<f64>,
-    /// A s/m.
+    /// Gains in A s/m or weights in s²/m².
     pub velocity: Vec<f64>,
     /// Of the observer, see [`ObserverSettings`](crate::drive::ObserverSettings).
     pub load_force_ratio: f64,
@@ -131,17 +131,18 @@ pub struct GainSettings {
     pub disturbance_rate: f64,
 }
 
-/// Weights of the drive's own law; that of the current is the drive's.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct WeightSettings {
-    /// 1/m², actuator first.
-    pub position: Vec<f64>,
-    /// s²/m².
-    pub velocity: Vec<f64>,
-    /// Of the observer, see [`ObserverSettings`](crate::drive::ObserverSettings).
-    pub load_force_ratio: f64,
-    /// Of the observer, 1/s.
-    pub disturbance_rate: f64,
+impl LawSettings {
+    /// A drive with this observer.
+    ///
+    /// * `weights`: what position and velocity are of it
+    fn put_into(&self, drive: &Drive, weights: Weights) -> Drive {
+        let mut drive = drive.clone();
+        drive.cost.weights = weights;
+        drive.observer.design = ObserverMethod::Kalman;
+        drive.observer.load_force_ratio = self.load_force_ratio;
+        drive.observer.disturbance_rate = self.disturbance_rate;
+        drive
+    }
 }
 
 /// How much is computed.

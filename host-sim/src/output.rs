@@ -1,7 +1,7 @@
 //! Files and standard output, whole or not at all; numbers as people read them; how far a long task is.
 
 use crate::error::{Error, Result};
-use std::io::{Seek, SeekFrom, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -92,6 +92,12 @@ impl Unfinished {
         self.file.as_file().sync_all().map_err(&error)?;
         self.file.persist(&self.path).map_err(|e| error(e.error))?;
         Ok(())
+    }
+}
+
+impl Read for Unfinished {
+    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        self.file.read(bytes)
     }
 }
 

@@ -10,10 +10,12 @@
 //!
 //! Sample `i` is drawn from a random stream of its own, set by the seed and `i`: its rows are the same whatever
 //! machine and thread makes them, and in whatever order. Samples are made in chunks, each kept beside the
-//! output once it is whole; after a kill, those are found again. The file itself is written from the chunks in
-//! their order, a group of rows at a time.
+//! output once it is whole; after a kill, those are found again, unless they are damaged or of another build. The file
+//! itself is written from the chunks in their order, a group of rows at a time.
 
+mod columns;
 mod description;
+mod digest;
 mod distribution;
 mod file;
 mod key;
@@ -25,6 +27,7 @@ mod summary;
 mod table;
 mod variation;
 
+pub use columns::{Column, columns};
 pub use merge::merge;
 pub use shard::Shard;
 pub use summary::{OfLaw, Summary};
@@ -34,6 +37,7 @@ use crate::design::assessment::require_sound_at_first_look;
 use crate::drive::{DEFAULT_DRIVE, Drive, PlantFile};
 use crate::error::{Error, Result};
 use crate::output::{Progress, Unfinished};
+use crate::simulate::experiment::require_duration;
 use crate::simulate::metrics::Metrics;
 use crate::simulate::scenario::{Approach, Scenario, Start};
 use crate::simulate::sequence::require_a_count;
@@ -52,8 +56,6 @@ use variation::Variation;
 /// A part of a sweep is made in about so many chunks, of so many samples each.
 const CHUNKS: u64 = 20;
 const CHUNK: std::ops::RangeInclusive<u64> = 16..=1000;
-/// Longest run, in control periods.
-const LONGEST: f64 = 1e6;
 
 /// The figures of a run, or why there are none.
 type Figures = std::result::Result<Metrics, String>;
@@ -143,7 +145,7 @@ impl Sweep {
             );
             return Err(description.error(None, message));
         }
-        require_duration(description.duration, drive.control.sample_time)
+        of_duration(description.duration, drive.control.sample_time)
             .map_err(|message| description.error(None, message))?;
         let scenario = Scenario {
             name: way,
@@ -168,6 +170,7 @@ impl Sweep {
             sha256: sha256(&texts),
             texts,
             version: env!("CARGO_PKG_VERSION").into(),
+            sources: env!("HOST_SIM_SOURCES").into(),
             seed: description.seed,
             count: variation.count(),
             laws: description.laws.len() as u64,
@@ -252,7 +255,7 @@ impl Sweep {
         }
     }
 
-    /// Whether a chunk is whole and of this sweep.
+    /// Whether a chunk is whole, of this sweep, and made by this build.
     fn is_there(&self, folder: &Path, header: &Header) -> bool {
         let reader = Reader::open(&chunk_path(folder, &header.samples));
         reader.is_ok_and(|found| found.header == *header && found.schema == *self.rows.schema())
@@ -340,7 +343,7 @@ impl Sweep {
         }
         let drive = self.variation.drive(values)?;
         plant.require_fit(&drive).map_err(text)?;
-        require_duration(self.description.duration, drive.control.sample_time)?;
+        of_duration(self.description.duration, drive.control.sample_time)?;
         if drive.loads.len() != self.design.loads() {
             return Err("it has another number of loads than the drive of the sweep".into());
         }
@@ -351,14 +354,9 @@ impl Sweep {
     }
 }
 
-/// A run must be two control periods at least, and no longer than can be kept.
-fn require_duration(duration: f64, period: f64) -> std::result::Result<(), String> {
-    if (2.0..=LONGEST).contains(&(duration / period)) {
-        return Ok(());
-    }
-    Err(format!(
-        "duration = {duration}: must be from 2 to {LONGEST:e} control periods of {period} s"
-    ))
+/// What simulate refuses is refused here, by the name that it has in the file.
+fn of_duration(duration: f64, period: f64) -> std::result::Result<(), String> {
+    require_duration(duration, period, 0.0).map_err(|rule| format!("duration = {duration}: {rule}"))
 }
 
 /// Whether two paths lead to the same file, which is there.
@@ -395,7 +393,27 @@ fn sha256(texts: &[(String, String)]) -> String {
         hash.update((text.len() as u64).to_le_bytes());
         hash.update(text);
     }
-    hash.finalize()
-        .iter()
-        .fold(String::new(), |text, byte| text + &format!("{byte:02x}"))
+    digest::hexadecimal(hash)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What another build has made is made anew, whatever version it has.
+    #[test]
+    fn chunks_of_another_build_are_not_gone_on_with() {
+        let text = "step = 0.03\nduration = 1.2\nlaws = [\"drive\"]\n";
+        let sweep = Sweep::parse(text, "sweep.toml", Path::new("")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let own = sweep.header(Shard::WHOLE, 0..0);
+        let mut other = own.clone();
+        other.identity.sources = "of another build".into();
+        for (header, there) in [(&own, true), (&other, false)] {
+            let path = chunk_path(folder.path(), &(0..0));
+            let writer = Writer::create(&path, sweep.rows.schema(), header).unwrap();
+            writer.finish().unwrap();
+            assert_eq!(sweep.is_there(folder.path(), &own), there);
+        }
+    }
 }

@@ -209,7 +209,7 @@ fn bad_drives_get_one_sentence_that_says_where() {
         (
             "mass = 0.059 ",
             "mass = \"heavy\" ",
-            ":5: invalid type: string \"heavy\"",
+            ":5: mass: invalid type: string \"heavy\"",
         ),
         ("mass = 0.059 ", "maas = 0.059 ", ":5: unknown field `maas`"),
         (
@@ -220,7 +220,7 @@ fn bad_drives_get_one_sentence_that_says_where() {
         (
             "[actuator]",
             "[actuator]\nbrake = 1",
-            ":5: invalid type: integer `1`, expected a boolean",
+            ":5: brake: invalid type: integer `1`, expected a boolean",
         ),
         (
             "[actuator]",
@@ -286,7 +286,7 @@ fn bad_drives_get_one_sentence_that_says_where() {
         (
             "counter_bits = 16",
             "counter_bits = 16.5",
-            ":12: invalid type",
+            ":12: counter_bits: invalid type",
         ),
         (
             "stiffness = 300.0          #",

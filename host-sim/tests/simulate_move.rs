@@ -105,7 +105,10 @@ fn friction_that_is_not_stated_is_seen_when_the_signs_are_proven() {
             number(&simulated.experiments[0]["metrics"]["within_tolerance_from"])
         };
         let [stated, seen] = [within(&[rubs]), within(&[])];
-        assert!(seen < stated + 5e-3, "{newton} N: {seen} s, {stated} s stated");
+        assert!(
+            seen < stated + 5e-3,
+            "{newton} N: {seen} s, {stated} s stated"
+        );
     }
 }
 

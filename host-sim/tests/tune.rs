@@ -159,7 +159,10 @@ fn what_cannot_be_tuned_is_one_sentence_and_leaves_the_file_as_it_is() {
         (vec!["--stiffness", "nan"], "--stiffness"),
         (vec!["--last-load", "0:1"], "--last-load"),
         (vec!["--force-constant", "0.5:100"], "--force-constant"),
-        (vec!["--friction=-1:0"], "--friction"),
+        (
+            vec!["--friction", "-1:0"],
+            "--friction -1:0: must rise, from 0 to",
+        ),
         (vec!["--friction", "0:1e9"], "--friction"),
         (vec!["--distance", "0"], "--distance"),
     ] {

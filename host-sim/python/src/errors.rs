@@ -20,7 +20,7 @@ pyo3::create_exception!(
 /// `RuntimeError`.
 pub(crate) fn raised(error: impl Borrow<Error>) -> PyErr {
     let error = error.borrow();
-    let sentence = error.to_string();
+    let sentence = without_line(error.to_string());
     match error {
         Error::Read { source, .. } => match source.kind() {
             ErrorKind::NotFound => PyFileNotFoundError::new_err(sentence),
@@ -30,6 +30,16 @@ pub(crate) fn raised(error: impl Borrow<Error>) -> PyErr {
         },
         error if error.exit_code() == 2 => PyValueError::new_err(sentence),
         _ => PyRuntimeError::new_err(sentence),
+    }
+}
+
+/// Nobody sees the text that a dictionary is turned into: its lines say nothing.
+fn without_line(sentence: String) -> String {
+    let line = sentence.strip_prefix("dictionary:");
+    let rest = line.map(|line| line.trim_start_matches(|c: char| c.is_ascii_digit()));
+    match rest.filter(|rest| rest.starts_with(": ")) {
+        Some(rest) => format!("dictionary{rest}"),
+        None => sentence,
     }
 }
 

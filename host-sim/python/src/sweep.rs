@@ -8,10 +8,8 @@ use crate::description::toml_of;
 use crate::errors::{no_such, raised, unusable};
 use host_sim::error::Error;
 use host_sim::output::unwatched;
-use host_sim::sweep::{Shard, Sweep, Watch, merge};
+use host_sim::sweep::{Column, Shard, Sweep, Watch, columns, merge};
 use numpy::PyArray1;
-use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::record::Field;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use serde_json::json;
@@ -168,12 +166,6 @@ pub(crate) fn merge_sweep(
     object(py, &json!(summary.map_err(raised)?))
 }
 
-/// A column as it is read.
-enum Column {
-    Numbers(Vec<f64>),
-    Texts(Vec<Option<String>>),
-}
-
 /// The columns of a sweep's file, each an array with a value for every row: a sample under a law.
 ///
 /// Parameters
@@ -193,7 +185,7 @@ enum Column {
 /// OSError
 ///     When the file cannot be read.
 /// ValueError
-///     When it is no Parquet file.
+///     When it is no file of a sweep, or damaged.
 #[pyfunction]
 #[allow(clippy::needless_pass_by_value, reason = "what Python hands over")]
 pub(crate) fn read_sweep(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
@@ -202,7 +194,10 @@ pub(crate) fn read_sweep(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
     let all = PyDict::new(py);
     for (name, column) in columns {
         match column {
-            Column::Numbers(numbers) => all.set_item(name, PyArray1::from_vec(py, numbers))?,
+            Column::Numbers(numbers) => {
+                let numbers = numbers.into_iter().map(|number| number.unwrap_or(f64::NAN));
+                all.set_item(name, PyArray1::from_iter(py, numbers))?;
+            }
             Column::Texts(texts) => {
                 let texts = PyList::new(py, texts)?;
                 all.set_item(name, array.call1((texts, "object"))?)?;
@@ -210,38 +205,4 @@ pub(crate) fn read_sweep(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Py
         }
     }
     Ok(all)
-}
-
-fn columns(path: &Path) -> Result<Vec<(String, Column)>, Error> {
-    use parquet::basic::Type;
-    let unreadable = |error: parquet::errors::ParquetError| Error::Input {
-        place: path.display().to_string(),
-        message: error.to_string(),
-    };
-    let file = std::fs::File::open(path).map_err(Error::read(path))?;
-    let reader = SerializedFileReader::new(file).map_err(unreadable)?;
-    let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let described = schema.columns().iter();
-    let mut columns: Vec<(String, Column)> = described
-        .map(|column| {
-            let values = match column.physical_type() {
-                Type::BYTE_ARRAY => Column::Texts(Vec::new()),
-                _ => Column::Numbers(Vec::new()),
-            };
-            (column.name().to_owned(), values)
-        })
-        .collect();
-    for row in reader.get_row_iter(None).map_err(unreadable)? {
-        let row = row.map_err(unreadable)?;
-        for ((_, column), (_, field)) in columns.iter_mut().zip(row.get_column_iter()) {
-            match (column, field) {
-                (Column::Numbers(numbers), Field::Double(number)) => numbers.push(*number),
-                (Column::Numbers(numbers), Field::Long(number)) => numbers.push(*number as f64),
-                (Column::Numbers(numbers), _) => numbers.push(f64::NAN),
-                (Column::Texts(texts), Field::Str(text)) => texts.push(Some(text.clone())),
-                (Column::Texts(texts), _) => texts.push(None),
-            }
-        }
-    }
-    Ok(columns)
 }

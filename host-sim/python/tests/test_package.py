@@ -11,6 +11,13 @@ import numpy as np
 import pytest
 
 
+def changed(drive, **values):
+    """Tables of a drive, with other values of its actuator."""
+    tables = drive.to_dict()
+    tables["actuator"].update(values)
+    return tables
+
+
 @pytest.mark.parametrize(
     ("call", "kind", "sentence"),
     [
@@ -23,6 +30,31 @@ import pytest
         ),
         (lambda d: arso.Drive.from_dict({"actuator": {"mass": None}}), ValueError, "no tables of a file"),
         (lambda d: arso.Drive.from_dict({}), ValueError, "missing field `actuator`"),
+        (
+            lambda d: arso.Drive.from_dict(changed(d, mass=-1.0)),
+            ValueError,
+            r"^dictionary: actuator.mass = -1: must be from 1e-9 to 1e9 kg$",
+        ),
+        (
+            lambda d: arso.Drive.from_dict(changed(d, mass="heavy")),
+            ValueError,
+            '^dictionary: mass: invalid type: string "heavy", expected f64$',
+        ),
+        (
+            lambda d: arso.Drive.from_dict(changed(d, maas=1.0)),
+            ValueError,
+            "^dictionary: unknown field `maas`",
+        ),
+        (
+            lambda d: arso.Drive.from_dict(changed(d, delay=-1.0)),
+            ValueError,
+            "^dictionary: actuator.delay = -1: must be ",
+        ),
+        (
+            lambda d: arso.Plant.from_dict(changed(d, mass=-1.0)),
+            ValueError,
+            "^dictionary: actuator.mass = -1: must be ",
+        ),
         (lambda d: arso.Plant.from_toml("mass = 1"), ValueError, "unknown field `mass`"),
         (lambda d: arso.simulate(d), ValueError, "give one of `move`, `step` and `experiment`"),
         (lambda d: arso.simulate(d, move=0.03, step=0.03), ValueError, "give one of"),

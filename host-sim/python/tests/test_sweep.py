@@ -2,6 +2,8 @@
 
 import arso
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
 
 SWEEP = {
@@ -71,7 +73,7 @@ def test_what_progress_raises_ends_a_sweep_and_the_next_goes_on(tmp_path):
 def test_descriptions_that_cannot_be_used_are_refused(tmp_path):
     out = tmp_path / "sweep.parquet"
     for change, sentence in [
-        ({"laws": ["magic"]}, 'law "magic": must be one of'),
+        ({"laws": ["magic"]}, '^dictionary: law "magic": must be one of'),
         ({"vary": {"plant.load.9.mass": {"grid": [1.0]}}}, r"plant\.load\.9\.mass"),
         ({"duration": -1.0}, "duration = -1"),
     ]:
@@ -83,7 +85,38 @@ def test_descriptions_that_cannot_be_used_are_refused(tmp_path):
         arso.sweep("nowhere.toml", out)
     with pytest.raises(TypeError, match="`description`: must be a path or a dictionary"):
         arso.sweep(3, out)
+
+
+def test_a_sweep_is_what_others_read(tmp_path):
+    out = tmp_path / "sweep.parquet"
+    arso.sweep(SWEEP, out)
+    columns, table = arso.read_sweep(out), pyarrow.parquet.read_table(out)
+    assert list(columns) == table.column_names
+    for name, values in columns.items():
+        others = table[name].to_pylist()
+        if values.dtype == object:
+            assert list(values) == others
+        else:
+            np.testing.assert_array_equal(values, [np.nan if x is None else x for x in others])
+
+
+def test_what_is_no_sweep_is_not_read_as_one(tmp_path):
+    out = tmp_path / "sweep.parquet"
+
+    def refused(sentence):
+        before = out.read_bytes()
+        with pytest.raises(ValueError, match=f"sweep.parquet: {sentence}") as caught:
+            arso.read_sweep(out)
+        assert "\n" not in str(caught.value)
+        assert out.read_bytes() == before
+
     out.write_text("nothing")
-    with pytest.raises(ValueError, match="sweep.parquet"):
-        arso.read_sweep(out)
-    assert out.read_text() == "nothing"
+    refused("is no whole Parquet file")
+    whole, single = pyarrow.array([1, 2], "int32"), pyarrow.array([0.5, 1.5], "float32")
+    pyarrow.parquet.write_table(pyarrow.table({"sample": whole, "overshoot": single}), out)
+    refused("has no digest: it is no file of a sweep")
+    arso.sweep(SWEEP, out)
+    damaged = bytearray(out.read_bytes())
+    damaged[len(damaged) // 3] ^= 4
+    out.write_bytes(damaged)
+    refused("is damaged")

@@ -16,7 +16,6 @@ use std::path::PathBuf;
 /// By linear programmes, for the current limit of the drive file, without friction and forces from outside.
 /// `simulate` and `compare` print beside each settling time how many times this it is.
 #[derive(Debug, Args)]
-#[command(allow_negative_numbers = true)]
 pub(super) struct BoundCommand {
     #[command(flatten)]
     drive: DriveArgument,

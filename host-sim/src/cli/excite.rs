@@ -10,7 +10,6 @@ use std::path::PathBuf;
 
 /// Form the excitation that the drive plays in open loop, for identification.
 #[derive(Debug, Args)]
-#[command(allow_negative_numbers = true)]
 pub(super) struct ExciteCommand {
     #[command(flatten)]
     drive: DriveArgument,

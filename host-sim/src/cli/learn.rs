@@ -45,7 +45,7 @@ pub(super) struct LearnCommand {
     rust: PathBuf,
     /// The planned move that shows what the new gains buy, m or rad; 0.03 when not given, or as much as the travel
     /// has room for.
-    #[arg(long = "move", value_name = "DISTANCE", allow_negative_numbers = true)]
+    #[arg(long = "move", value_name = "DISTANCE")]
     distance: Option<f64>,
     /// Print all of it as JSON, SI units.
     #[arg(long)]
@@ -55,7 +55,7 @@ pub(super) struct LearnCommand {
     #[arg(long, value_name = "LOG.csv", conflicts_with_all = ["record", "toml", "rust", "distance"])]
     watch: Option<PathBuf>,
     /// Watch so many moves.
-    #[arg(long, value_name = "N", requires = "watch")]
+    #[arg(long, value_name = "N", requires = "watch", value_parser = super::not_negative::<usize>)]
     moves: Option<usize>,
 }
 

@@ -19,7 +19,6 @@ use clap::Args;
 /// and how many plants it does not settle or hunts on. Where the drive file states no friction, 0.2/12 of the
 /// motor's largest force is taken, for plants and feed-forward alike.
 #[derive(Debug, Args)]
-#[command(allow_negative_numbers = true)]
 pub(super) struct MovesCommand {
     #[command(flatten)]
     drive: DriveArgument,
@@ -31,7 +30,7 @@ pub(super) struct MovesCommand {
           value_parser = clap::value_parser!(u32).range(1..=100_000))]
     plants: u32,
     /// What is drawn follows from this.
-    #[arg(long, value_name = "S", default_value_t = 1)]
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = super::not_negative::<u64>)]
     seed: u64,
     /// Evaluations for each rival that is tuned, 20 at the least.
     #[arg(long, value_name = "N", default_value_t = 400,

@@ -24,13 +24,11 @@ pub(super) struct Simulate {
     /// Experiment to simulate, may be given several times; the paper's four and a planned move when not given.
     #[arg(long, value_name = "NAME", value_parser = scenario_names())]
     scenario: Vec<String>,
-    /// Planned move by a distance from the target before, m or rad; several are made one after the other. With a
-    /// sign and an exponent: --move=-1e-3.
+    /// Planned move by a distance from the target before, m or rad; several are made one after the other.
     #[arg(
         long = "move",
         value_name = "DISTANCE",
         num_args = 1..,
-        allow_negative_numbers = true,
         conflicts_with = "scenario"
     )]
     moves: Vec<f64>,
@@ -40,7 +38,6 @@ pub(super) struct Simulate {
         long,
         value_name = "TIME",
         num_args = 1..,
-        allow_negative_numbers = true,
         requires = "moves"
     )]
     at: Vec<f64>,

@@ -29,7 +29,7 @@ pub(super) struct SweepCommand {
     #[arg(long, value_name = "OUT.parquet")]
     out: Option<PathBuf>,
     /// Make one part of several, counted from 1.
-    #[arg(long, value_name = "I/N", default_value_t = Shard::WHOLE)]
+    #[arg(long, value_name = "I/N", default_value_t = Shard::WHOLE, allow_hyphen_values = true)]
     shard: Shard,
     /// Print the summary as JSON, SI units.
     #[arg(long)]

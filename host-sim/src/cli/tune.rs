@@ -26,7 +26,6 @@ use std::path::PathBuf;
 /// plants. All are then judged on plants that no tuning saw. With `--toml` the drive file is written with what was
 /// found, its `[cost]` replaced by `[gain]`.
 #[derive(Debug, Args)]
-#[command(allow_negative_numbers = true)]
 pub(super) struct TuneCommand {
     #[command(flatten)]
     drive: DriveArgument,
@@ -34,16 +33,16 @@ pub(super) struct TuneCommand {
     #[arg(long, value_enum, default_value_t = Set::Wide)]
     set: Set,
     /// Factors of all springs.
-    #[arg(long, value_name = "LOW:HIGH")]
+    #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true)]
     stiffness: Option<Range>,
     /// Factors of the last load's mass.
-    #[arg(long, value_name = "LOW:HIGH")]
+    #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true)]
     last_load: Option<Range>,
     /// Factors of the force constant.
-    #[arg(long, value_name = "LOW:HIGH")]
+    #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true)]
     force_constant: Option<Range>,
     /// Coulomb friction, N.
-    #[arg(long, value_name = "LOW:HIGH")]
+    #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true)]
     friction: Option<Range>,
     /// Go by a raw step of the reference instead of a planned move.
     #[arg(long)]
@@ -64,7 +63,7 @@ pub(super) struct TuneCommand {
           value_parser = clap::value_parser!(u32).range(1..=100_000))]
     plants: u32,
     /// What is drawn follows from this.
-    #[arg(long, value_name = "S", default_value_t = 1)]
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = super::not_negative::<u64>)]
     seed: u64,
     /// Write the drive file with the tuned gain, observer and plans.
     #[arg(long, value_name = "PATH")]

@@ -11,11 +11,11 @@ use super::pd::{DisturbanceSettings, Pd};
 use super::shaper::Shaper;
 use super::tune::Space;
 use super::{
-    Case, EncoderSettings, NotchSettings, PdSettings, ReferenceSettings, Tuning, WeightSettings,
+    Case, EncoderSettings, LawSettings, NotchSettings, PdSettings, ReferenceSettings, Tuning,
 };
 use crate::design::Design;
 use crate::design::protection::{Healthy, Protection};
-use crate::drive::{ObserverMethod, Weights};
+use crate::drive::Weights;
 use crate::error::Result;
 use crate::simulate::scenario::Scenario;
 use crate::simulate::{Control, Core, FullState};
@@ -245,21 +245,17 @@ fn tuned_drive<'a>(design: &'a Design, scenario: &'a Scenario) -> Tuned<'a> {
     ends.extend([(0.1, 1e3), (1e-2, 1e3)]);
     let form = move |point: &[f64]| {
         let value = |i: usize| point[i].exp();
-        let settings = WeightSettings {
+        let settings = LawSettings {
             position: (0..masses).map(|mass| position * value(mass)).collect(),
             velocity: (masses..2 * masses).map(|i| velocity * value(i)).collect(),
             load_force_ratio: value(2 * masses),
             disturbance_rate: omega * value(2 * masses + 1),
         };
-        let mut drive = design.drive.clone();
-        drive.cost.weights = Weights::Given {
+        let weights = Weights::Given {
             position: settings.position.clone(),
             velocity: settings.velocity.clone(),
         };
-        drive.observer.design = ObserverMethod::Kalman;
-        drive.observer.load_force_ratio = settings.load_force_ratio;
-        drive.observer.disturbance_rate = settings.disturbance_rate;
-        let tuned = Design::new(&drive)?;
+        let tuned = Design::new(&settings.put_into(&design.drive, weights))?;
         // Plans do not depend on the weights; limits do, and what machines near this one need is not looked for.
         let plans = design.plans()?;
         let widest = Protection::new(&tuned, &Healthy::widest(&tuned));

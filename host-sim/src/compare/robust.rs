@@ -41,7 +41,7 @@ use crate::error::{Error, Result};
 use crate::output::Progress;
 use crate::simulate::metrics::Frame;
 use crate::simulate::scenario::{Approach, SCENARIOS, Scenario};
-use crate::simulate::{Core, Instant, Law, Time, close_loop, follow};
+use crate::simulate::{Core, Instant, Time, follow};
 use families::{Family, Plans};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -344,15 +344,9 @@ impl Bench {
         let run = |case: &Case| -> Result<Figures> {
             let mut control = make(case)?;
             let plant = (&case.plant, case.late);
-            let time = (self.period, length);
-            let run = close_loop(
-                Law::Rival(law),
-                control.as_mut(),
-                plant,
-                &self.scenario,
-                time,
-            )?;
-            Figures::new(&run, design.motion.settling_tolerance, still)
+            let time = Time::new(self.period, length);
+            let judged_by = (design.motion.settling_tolerance, still);
+            Figures::measure(control.as_mut(), plant, &self.scenario, time, judged_by)
         };
         let figures: Vec<Result<Figures>> = self.judged_on.par_iter().map(run).collect();
         let spread = |figure: &dyn Fn(&Figures) -> Option<f64>| {

@@ -38,6 +38,10 @@ impl<'a> Document<'a> {
                 .is_some_and(|span| document.decimal_comma(span.start))
             {
                 message = "a number has a decimal point, not a comma".into();
+            } else if message.starts_with("invalid type") {
+                // Fields that are missing or unknown are named, those with a wrong value are not.
+                let assigned = error.span().and_then(|span| document.assigned(span.start));
+                message = assigned.map_or(message.clone(), |(key, _)| format!("{key}: {message}"));
             }
             document.error(error.span(), message)
         })?;
@@ -82,13 +86,17 @@ impl<'a> Document<'a> {
         })
     }
 
+    /// Key and value of the line at this byte.
+    fn assigned(&self, at: usize) -> Option<(&'a str, &'a str)> {
+        let before = self.text.get(..at)?;
+        let line = self.text.lines().nth(before.matches('\n').count())?;
+        let (key, value) = line.split_once('=')?;
+        Some((key.trim(), value.trim()))
+    }
+
     /// Whether the line at this byte gives a key a number with a comma.
     fn decimal_comma(&self, at: usize) -> bool {
-        let before = self.text.get(..at).unwrap_or("");
-        let line = self.text.lines().nth(before.matches('\n').count());
-        let value = line
-            .and_then(|line| line.split_once('='))
-            .map_or("", |(_, value)| value);
+        let value = self.assigned(at).map_or("", |(_, value)| value);
         let value = value.split('#').next().unwrap_or("").trim();
         value.matches(',').count() == 1 && value.replace(',', ".").parse::<f64>().is_ok()
     }

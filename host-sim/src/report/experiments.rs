@@ -107,7 +107,7 @@ fn left_table(design: &Design, runs: &[Judged]) -> String {
         .map_or(0.0, |judged| judged.metrics.end.tolerance);
     format!(
         "{table}\n\
-         Residual: after settling, and not before 5/12 of the run (0.5 s of 1.2 s). Off: from the target, in the\n\
+         Residual: after settling, and not before 5/12 of the run. Off: from the target, in the\n\
          last fifth of the run. Moving: peak to peak in the last fifth of the run and {WATCHED} s more, up to\n\
          {:.0} {micro} is rest. \
          Lists: actuator first, then loads, or mass {mass} alone.\n",

@@ -505,31 +505,11 @@ mod tests {
     #[test]
     fn both_masses_have_to_be_within_the_tolerance() {
         let run = |rates: [f64; 2], seconds: f64, tolerance: f64| {
-            let samples = (0..(1e3 * seconds) as usize).map(|k| {
-                let time = k as f64 * 1e-3;
-                let mut truth = DVector::zeros(8);
-                truth[0] = 0.03 * (1.0 - (-rates[0] * time).exp());
-                truth[4] = 0.03 * (1.0 - (-rates[1] * time).exp());
-                Sample {
-                    time,
-                    count: 0,
-                    truth,
-                    true_reaction_force: 0.0,
-                    reference: 0.03,
-                    applied_current: 0.0,
-                    command: 0.0,
-                    limited: false,
-                    record: None,
-                }
-            });
+            let periods = (1e3 * seconds) as usize;
+            let motion = |time: f64| rates.map(|rate| 0.03 * (1.0 - (-rate * time).exp()));
             let run = Run {
-                kind: crate::machine::Kind::Linear,
-                resolution: 1e-6,
                 settling_tolerance: tolerance,
-                scenario: *Scenario::named("fig3").unwrap(),
-                law: Law::FullState,
-                samples: samples.collect(),
-                fault: None,
+                ..formula::run(periods, motion)
             };
             Metrics::new(&run).within_tolerance_from
         };

@@ -1,6 +1,7 @@
 //! The Parquet file of a sweep, of a part of one, or of a chunk of a part: rows in groups of one size, so that the
 //! same rows make the same bytes whatever pieces they came in; and what it is of, in its metadata.
 
+use super::digest;
 use super::shard::Shard;
 use super::table::{Column, Schema, Table, parquet_schema, schema_of};
 use crate::error::{Error, Result};
@@ -27,6 +28,8 @@ pub(super) struct Identity {
     pub(super) sha256: String,
     /// Of the program.
     pub(super) version: String,
+    /// Of what the program was built from, hexadecimal.
+    pub(super) sources: String,
     /// Of all that is drawn.
     pub(super) seed: u64,
     /// Of the whole sweep.
@@ -59,6 +62,7 @@ impl Header {
         let others = [
             ("sha256", identity.sha256.clone()),
             ("version", identity.version.clone()),
+            ("sources", identity.sources.clone()),
             ("seed", identity.seed.to_string()),
             ("count", identity.count.to_string()),
             ("laws", identity.laws.to_string()),
@@ -69,8 +73,9 @@ impl Header {
         ];
         let others = others.map(|(name, value)| (name.to_owned(), value));
         let all = texts.chain(others);
-        all.map(|(name, value)| KeyValue::new(format!("{PREFIX}{name}"), value))
-            .collect()
+        let all = all.map(|(name, value)| KeyValue::new(format!("{PREFIX}{name}"), value));
+        let digest = KeyValue::new(digest::KEY.into(), digest::BLANK.to_owned());
+        all.chain([digest]).collect()
     }
 
     /// Out of the metadata; none where something is missing.
@@ -91,6 +96,7 @@ impl Header {
                 texts: described.cloned().collect(),
                 sha256: value("sha256")?,
                 version: value("version")?,
+                sources: value("sources")?,
                 seed: number("seed")?,
                 count: number("count")?,
                 laws: number("laws")?,
@@ -167,7 +173,9 @@ impl Writer {
             self.write(&rest)?;
         }
         let failed = unwritten(&self.path);
-        self.file.into_inner().map_err(failed)?.finish()
+        let mut written = self.file.into_inner().map_err(failed)?;
+        digest::put(&mut written).map_err(Error::write(&self.path))?;
+        written.finish()
     }
 }
 
@@ -193,7 +201,8 @@ impl Reader {
     /// # Errors
     /// [`Error::Read`], or [`Error::Input`] when it is no whole file of a sweep.
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let opened = File::open(path).map_err(Error::read(path))?;
+        let mut opened = File::open(path).map_err(Error::read(path))?;
+        digest::require(&mut opened, path)?;
         let file = SerializedFileReader::new(opened).map_err(unreadable(path))?;
         let metadata = file.metadata().file_metadata();
         let header = metadata
@@ -256,8 +265,12 @@ pub(super) fn wrong(path: &Path, message: String) -> Error {
 
 #[cfg(test)]
 mod tests {
+    use super::super::merge::merge;
     use super::super::table::{Cell, Kind};
     use super::*;
+    use rand::RngExt;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
 
     fn header(rows: u64) -> Header {
         Header {
@@ -268,6 +281,7 @@ mod tests {
                 ],
                 sha256: "ab".into(),
                 version: "1".into(),
+                sources: "cd".into(),
                 seed: 1,
                 count: rows,
                 laws: 1,
@@ -318,6 +332,82 @@ mod tests {
             back.append(group.unwrap());
         }
         assert_eq!(back, whole);
+    }
+
+    /// A part of two, of a sweep of eight samples.
+    fn part(path: &Path, number: u64, sources: &str) -> Vec<u8> {
+        let schema: Schema = vec![
+            ("sample".into(), Kind::Integer),
+            ("law".into(), Kind::Text),
+            ("plant.load.1.mass".into(), Kind::Number),
+        ];
+        let mut header = header(8);
+        header.identity.sources = sources.into();
+        header.shard = format!("{number}/2").parse().unwrap();
+        header.samples = header.shard.samples(8);
+        let mut rows = Table::new(&schema);
+        for sample in header.samples.clone() {
+            rows.push(vec![
+                Cell::Integer(Some(sample as i64)),
+                Cell::Text(Some("drive".into())),
+                Cell::Number((sample != 6).then_some((sample as f64).sqrt())),
+            ]);
+        }
+        let mut writer = Writer::create(path, &schema, &header).unwrap();
+        writer.push(rows).unwrap();
+        writer.finish().unwrap();
+        std::fs::read(path).unwrap()
+    }
+
+    /// Every bit by itself, and two or three anywhere: a damaged part is refused in a sentence, before any decoder has
+    /// seen it.
+    #[test]
+    fn a_part_with_flipped_bits_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["1.parquet", "2.parquet"].map(|name| folder.path().join(name));
+        let out = folder.path().join("whole.parquet");
+        part(&paths[0], 1, "cd");
+        let bytes = part(&paths[1], 2, "cd");
+        assert!(merge(&out, &paths, &crate::output::unwatched).is_ok());
+        let whole = std::fs::read(&out).unwrap();
+        let bits = 8 * bytes.len();
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let some = (0..4000).map(|k| {
+            let each = (0..2 + k % 2).map(|_| random.random_range(0..bits));
+            each.collect::<std::collections::BTreeSet<_>>()
+        });
+        let each = (0..bits).map(|bit| [bit].into());
+        for flipped in each.chain(some) {
+            let mut damaged = bytes.clone();
+            for bit in &flipped {
+                damaged[bit / 8] ^= 1 << (bit % 8);
+            }
+            std::fs::write(&paths[1], damaged).unwrap();
+            let error = merge(&out, &paths, &crate::output::unwatched).unwrap_err();
+            let sentence = error.to_string();
+            assert!(error.exit_code() == 2, "{flipped:?}: {sentence}");
+            assert!(
+                sentence.contains("2.parquet: ") && sentence.lines().count() == 1,
+                "{sentence}"
+            );
+        }
+        assert!(std::fs::read(&out).unwrap() == whole);
+    }
+
+    #[test]
+    fn parts_of_two_builds_are_not_merged() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["1.parquet", "2.parquet"].map(|name| folder.path().join(name));
+        part(&paths[0], 1, "cd");
+        part(&paths[1], 2, "ef");
+        let out = folder.path().join("whole.parquet");
+        let error = merge(&out, &paths, &crate::output::unwatched).unwrap_err();
+        let sentence = error.to_string();
+        assert!(
+            sentence.contains("2.parquet: was made by the build ef, and "),
+            "{sentence}"
+        );
+        assert!(!out.exists());
     }
 
     #[test]

@@ -95,8 +95,13 @@ fn require_same(first: &Reader, other: &Reader) -> Result<()> {
         let (own, others) = (&own.identity.version, &others.identity.version);
         return differ("was made by version", own, others);
     }
+    let short = |digits: &str| digits.chars().take(12).collect::<String>();
+    if own.identity.sources != others.identity.sources {
+        let (own, others) = (&own.identity.sources, &others.identity.sources);
+        return differ("was made by the build", &short(own), &short(others));
+    }
     if own.identity != others.identity {
-        let short = |header: &Header| header.identity.sha256.chars().take(12).collect::<String>();
+        let (own, others) = (&own.identity.sha256, &others.identity.sha256);
         return differ("is of the sweep", &short(own), &short(others));
     }
     if own.shard.of() != others.shard.of() {

@@ -104,12 +104,17 @@ impl Bench {
             .stderr(std::process::Stdio::piped())
             .spawn()
             .unwrap();
+        self.wait(out, before);
+        child
+    }
+
+    /// Waits until more chunks are kept than so many.
+    fn wait(&self, out: &str, before: usize) {
         let until = Instant::now() + Duration::from_secs(60);
         while self.kept(out) <= before {
             assert!(Instant::now() < until, "nothing is kept");
             std::thread::sleep(Duration::from_millis(5));
         }
-        child
     }
 
     /// How many chunks are kept.
@@ -286,17 +291,23 @@ fn threads_shards_and_kills_leave_no_trace() {
     assert_eq!(code, 0);
     assert!(std::fs::read(bench.path("merged.parquet")).unwrap() == whole);
 
-    // Killed, with one of the chunks damaged after that; the output appears whole or not at all.
+    // Killed, with two of the chunks damaged after that, one in a single bit; the output appears whole or not at all.
     let mut child = bench.begin("killed.parquet");
+    bench.wait("killed.parquet", 1);
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(!bench.path("killed.parquet").exists());
     let folder = std::fs::read_dir(bench.path("killed.parquet.parts")).unwrap();
-    let chunk = folder.flatten().map(|entry| entry.path());
-    let chunk = chunk.filter(|path| path.extension().is_some_and(|e| e == "parquet"));
-    let chunk = chunk.min().unwrap();
-    let bytes = std::fs::read(&chunk).unwrap();
-    std::fs::write(&chunk, &bytes[..bytes.len() / 2]).unwrap();
+    let chunks = folder.flatten().map(|entry| entry.path());
+    let chunks = chunks.filter(|path| path.extension().is_some_and(|e| e == "parquet"));
+    let mut chunks: Vec<PathBuf> = chunks.collect();
+    chunks.sort();
+    let bytes = std::fs::read(&chunks[0]).unwrap();
+    std::fs::write(&chunks[0], &bytes[..bytes.len() / 2]).unwrap();
+    let mut bytes = std::fs::read(&chunks[1]).unwrap();
+    let number = bytes.len() / 4;
+    bytes[number] ^= 0x10;
+    std::fs::write(&chunks[1], bytes).unwrap();
     assert!(bench.sweep("killed.parquet", &[]) == whole);
     assert_eq!(bench.kept("killed.parquet"), 0);
 }
@@ -348,6 +359,9 @@ fn what_does_not_belong_together_is_not_merged() {
     bench.sweep("other.parquet", &["--shard", "3/3"]);
     let bytes = std::fs::read(bench.path("3.parquet")).unwrap();
     std::fs::write(bench.path("cut.parquet"), &bytes[..bytes.len() - 9]).unwrap();
+    let mut flipped = bytes.clone();
+    flipped[bytes.len() / 3] ^= 1;
+    std::fs::write(bench.path("flipped.parquet"), flipped).unwrap();
     bench.write("whole.parquet", "what stood here");
     for (parts, sentence) in [
         (&["1.parquet", "2.parquet"][..], "1 of them are missing: 3"),
@@ -367,6 +381,10 @@ fn what_does_not_belong_together_is_not_merged() {
         (
             &["1.parquet", "2.parquet", "cut.parquet"],
             "cut.parquet: is no whole Parquet file",
+        ),
+        (
+            &["1.parquet", "2.parquet", "flipped.parquet"],
+            "flipped.parquet: is damaged",
         ),
         (
             &["1.parquet", "sweep.toml"],
@@ -458,7 +476,7 @@ fn what_cannot_be_swept_is_said_with_file_and_key() {
         ),
         (
             HEAD.replace("1.2", "0.01") + laws,
-            "must be from 2 to 1e6 control periods of 0.01 s",
+            "duration = 0.01: must be two control periods of 0.01 s at least",
         ),
         (
             HEAD.replace("drive.toml", "none.toml") + laws,

@@ -16,7 +16,7 @@ use clap::{ArgGroup, Args};
 /// the way. Ctrl-C brings the machine to rest and leaves zero as it was; so does the drive by itself when it no longer
 /// hears this program.
 #[derive(Debug, Args)]
-#[command(allow_negative_numbers = true, group(ArgGroup::new("place").required(true).args(["stop", "input"])))]
+#[command(group(ArgGroup::new("place").required(true).args(["stop", "input"])))]
 pub(super) struct HomeCommand {
     /// Largest current of the approach to a stop, A; times the force constant it is the force against it.
     #[arg(long, value_name = "CURRENT")]

@@ -16,7 +16,6 @@ const LONGEST: f64 = 1e6;
 /// asked for while another one is under way is put on top of it; `--by` counts from the target of that. Ctrl-C
 /// brings the machine to rest.
 #[derive(Debug, Args)]
-#[command(allow_negative_numbers = true)]
 pub(super) struct MoveCommand {
     /// Where to, or how far; m or rad, in whole counts of the encoder.
     #[arg(value_name = "X")]
@@ -68,7 +67,6 @@ impl MoveCommand {
 /// For example `host-sim drive --port /dev/ttyACM0 jog -0.05 --for 0.5`. The drive keeps its travel, and comes to
 /// rest by itself when it no longer hears this program.
 #[derive(Debug, Args)]
-#[command(allow_negative_numbers = true)]
 pub(super) struct JogCommand {
     /// How fast; m/s or rad/s.
     #[arg(value_name = "V")]
@@ -116,7 +114,6 @@ pub(super) fn require_duration(duration: Option<f64>) -> Result<()> {
 /// For example `host-sim drive --port /dev/ttyACM0 set-position 0`. Taken by a drive that is idle or ready; it moves
 /// nothing.
 #[derive(Debug, Args)]
-#[command(allow_negative_numbers = true)]
 pub(super) struct SetPositionCommand {
     /// Where it stands; m or rad.
     #[arg(value_name = "X")]

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::simulate::ending::{Extent, Motion};
 use crate::simulate::metrics::{Frame, Meter, Seen, Stay, both_within, controlled};
 use crate::simulate::scenario::Scenario;
-use crate::simulate::{Control, Instant, Run, Time, follow, require_no_fault};
+use crate::simulate::{Control, Instant, Time, follow, require_no_fault};
 
 /// From when on the vibration is residual, s, or from the time the band is kept if that is later.
 const RESIDUAL_FROM: f64 = 0.5;
@@ -34,30 +34,16 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Judges a run that was kept.
+    /// Makes a run and judges it while it passes.
     ///
+    /// * `plant`: what is there, and the control periods by which the current comes late
     /// * `tolerance`: m
     /// * `still_after`: s
     ///
     /// # Errors
-    /// [`Error::Fault`](crate::error::Error::Fault) when the drive stopped itself.
-    pub fn new(run: &Run, tolerance: f64, still_after: f64) -> Result<Self> {
-        run.require_no_fault()?;
-        let mut meter = FigureMeter::new(Frame::of(run), tolerance, still_after);
-        for sample in &run.samples {
-            meter.look(&sample.into());
-        }
-        Ok(meter.figures())
-    }
-
-    /// Makes a run and judges it while it passes.
-    ///
-    /// * `plant`: what is there, and the control periods by which the current comes late
-    ///
-    /// # Errors
-    /// The same, and [`Error::Simulation`](crate::error::Error::Simulation) when the motion or a command is no
-    /// longer finite.
-    pub(super) fn measure(
+    /// [`Error::Fault`](crate::error::Error::Fault) when the drive stopped itself,
+    /// [`Error::Simulation`](crate::error::Error::Simulation) when the motion or a command is no longer finite.
+    pub(in super::super) fn measure(
         control: &mut dyn Control,
         plant: (&PlantFile, usize),
         scenario: &Scenario,
@@ -163,7 +149,9 @@ mod tests {
         /// While the run passes: what its samples say.
         #[test]
         fn figures_are_those_of_the_run(run in formula::runs(), still_after in 0.0..1.0_f64) {
-            let figures = Figures::new(&run, 80e-6, still_after).unwrap();
+            let mut meter = FigureMeter::new(Frame::of(&run), 80e-6, still_after);
+            run.samples.iter().for_each(|sample| meter.look(&sample.into()));
+            let figures = meter.figures();
             let off = |k: usize, element: usize| (run.samples[k].truth[element] - 0.03).abs();
             let from = |time: f64| run.samples.iter().filter(move |sample| sample.time >= time);
             let swing = |time: f64, element: usize| {

@@ -17,12 +17,12 @@ use super::super::laws::{Make, slowest};
 use super::super::pd::{DisturbanceSettings, Pd};
 use super::super::shaper::Shaper;
 use super::super::tune::Space;
-use super::super::{Case, GainSettings, PdSettings, ReferenceSettings, Tuning};
+use super::super::{Case, LawSettings, PdSettings, ReferenceSettings, Tuning};
 use crate::design::Design;
 use crate::design::assessment::require_sound_at_first_look;
 use crate::design::drive_loop::{Compensation, DriveLoop};
 use crate::design::protection::{Healthy, Protection};
-use crate::drive::{Drive, ObserverMethod, Weights};
+use crate::drive::{Drive, Weights};
 use crate::error::{Error, Result};
 use crate::linear::eigen::spectral_radius;
 use crate::simulate::Core;
@@ -226,7 +226,7 @@ impl Coordinates {
     }
 
     /// The gain and the observer of a point, and its plan.
-    fn settings(&self, point: &[f64]) -> (GainSettings, f64) {
+    fn settings(&self, point: &[f64]) -> (LawSettings, f64) {
         let bandwidth = self.omega * point[0].exp();
         let sums = [bandwidth, 2.0 * point[1].exp()].map(|x| x * bandwidth * self.per_acceleration);
         let (shares, last) = point[BEFORE_SHARES..].split_at(2 * self.loads);
@@ -240,7 +240,7 @@ impl Coordinates {
             gains
         };
         let (of_positions, of_velocities) = shares.split_at(self.loads);
-        let settings = GainSettings {
+        let settings = LawSettings {
             position: gains(sums[0], of_positions),
             velocity: gains(sums[1], of_velocities),
             load_force_ratio: rounded(last[0].exp()),
@@ -277,14 +277,11 @@ fn of_drive<'a>(
     let form = move |point: &[f64]| {
         let (settings, plan) = coordinates.settings(point);
         let of_plans = plans.of(plan);
-        let mut drive = of_plans.drive.clone();
-        drive.cost.weights = Weights::Gain {
+        let weights = Weights::Gain {
             position: settings.position.clone(),
             velocity: settings.velocity.clone(),
         };
-        drive.observer.design = ObserverMethod::Kalman;
-        drive.observer.load_force_ratio = settings.load_force_ratio;
-        drive.observer.disturbance_rate = settings.disturbance_rate;
+        let drive = settings.put_into(&of_plans.drive, weights);
         let tuned = Design::new(&drive)?;
         require_sound_at_first_look(&tuned)?;
         require_stable_later(&tuned)?;
