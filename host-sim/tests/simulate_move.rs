@@ -94,7 +94,7 @@ fn a_move_is_judged_by_its_own_file() {
 /// it does with friction stated.
 #[test]
 fn friction_that_is_not_stated_is_seen_when_the_signs_are_proven() {
-    for newton in [0.05, 0.1, 0.15, 0.2] {
+    for newton in [0.05, 0.2] {
         let directory = tempfile::tempdir().unwrap();
         let rubs = directory.path().join("rubs.toml");
         fs::write(&rubs, format!("{DRIVE}\n[friction]\ncoulomb = {newton}\n")).unwrap();

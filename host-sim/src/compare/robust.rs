@@ -20,8 +20,8 @@
 //!
 //! with `T` the length of the run, `σ_i` the spread of the current in the last fifth of it and `σ_0` 2.5 % of the current
 //! limit. A law of the drive that is not stable with one more control period of delay, or that a check of the design
-//! refuses, is worse than any other. Friction is fed forward as the drive file states it: it is the first move that is
-//! tuned, before anything is learned.
+//! refuses, is worse than any other. Friction is fed forward as the drive file states it, or as it held the actuator when
+//! the signs were proven: it is the first move that is tuned, before anything is learned.
 
 mod drive_file;
 mod families;
