@@ -302,10 +302,10 @@ impl<'p, const N: usize, O: StateObserver<N> + Clone> Controller<'p, N, O> {
     /// One control period: the whole corridor.
     ///
     /// The same path is taken in every running period; its cost does not depend on the values, but on
-    /// how many plans are under way, six at most, and a period in which one is chosen costs a search in
-    /// their table more. In each, a part of the settings is held against its copy, all of them within 64
-    /// periods. A drive that excites does less. Idle and faulted drives get zero current and a disabled
-    /// amplifier.
+    /// how many plans are under way, six at most, and on whether anything is asked: a period in which a
+    /// plan is chosen costs a search in their table more. In each, a part of the settings is held against
+    /// its copy, all of them within 64 periods. A drive that excites does less. Idle and faulted drives get
+    /// zero current and a disabled amplifier.
     pub fn step(&mut self, measurement: Measurement) -> Command {
         let parts = &self.parts;
         let reading = parts.encoder.step(&mut self.encoder, measurement.count);
@@ -445,7 +445,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             3 => self.reaction_force == copy.reaction_force,
             4 => {
                 self.moves.same(&copy.moves)
-                    && (self.friction, self.standstill) == (copy.friction, copy.standstill)
+                    && self.friction == copy.friction
+                    && self.standstill == copy.standstill
             }
             5 => self.direction_check == copy.direction_check,
             6 => {
@@ -540,7 +541,9 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         }
     }
 
-    /// The corridor proper.
+    /// The corridor proper. Coefficients and memory lie farther apart than an instruction of the drive's processor
+    /// reaches; not inlined, each has a register of its own.
+    #[cfg_attr(target_arch = "arm", inline(never))]
     fn run(
         &self,
         running: &mut Running<N, O>,
@@ -681,6 +684,10 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         homing: &mut Option<Homing>,
         set: bool,
     ) -> Result<(), Fault> {
+        if asked.is_none() && !memory.moves.jogs() {
+            // The target stays.
+            return Ok(());
+        }
         if let Some(Request::Home(how)) = *asked
             && memory.moves.rests()
         {
@@ -767,16 +774,23 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
         Ok(Some(within(&self.limiter, current)?))
     }
 
+    /// The command that applies a current as far as a lower limit allows.
+    #[cold]
+    fn limited_below(&self, Current(limit): Current, wanted: Current) -> Result<Command, Fault> {
+        within(&self.limiter.with_limit(limit), wanted)
+    }
+
     /// The command of the closed loop; an approach to a stop has a limit of its own.
     fn limited_in(&self, homing: Option<&Homing>, wanted: Current) -> Result<Command, Fault> {
         match homing.and_then(Homing::limit) {
             None => within(&self.limiter, wanted),
-            Some(Current(limit)) => within(&self.limiter.with_limit(limit), wanted),
+            Some(limit) => self.limited_below(limit, wanted),
         }
     }
 }
 
 /// The command that applies a current as far as limits allow.
+#[inline]
 fn within(limiter: &Limiter, current: Current) -> Result<Command, Fault> {
     let limited = limiter.step(current).ok_or(Fault::NonFinite)?;
     Ok(Command {

@@ -112,8 +112,15 @@ fn beyond(fault: Fault, value: f32, limit: f32) -> Result<(), Trip> {
     if value.abs() <= limit {
         Ok(())
     } else {
-        Err(Trip { fault, value })
+        Err(trip(fault, value))
     }
+}
+
+/// Out of the way, so that a period in which nothing trips goes straight on.
+#[cold]
+#[inline(never)]
+fn trip(fault: Fault, value: f32) -> Trip {
+    Trip { fault, value }
 }
 
 /// What a running period is judged by.

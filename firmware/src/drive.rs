@@ -19,6 +19,7 @@ use arso_core::{
     Controller, Counts, Current, Fault, Measurement, Mode, Refusal, Request, SettingsError,
     Telemetry,
 };
+use core::hint::black_box;
 use heapless::Vec;
 use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -187,8 +188,9 @@ impl<B: Board> Control<B> {
         self.timer.acknowledge();
         let run = self.run_switch.closed();
         if run {
-            // What became of it can be told.
-            if self.outcomes.ready()
+            // What became of it can be told. Whether there is anything to tell of is seen sooner.
+            if self.requests.ready()
+                && self.outcomes.ready()
                 && let Some(asked) = self.requests.dequeue()
             {
                 let change = match asked.request {
@@ -240,7 +242,8 @@ impl<B: Board> Control<B> {
             current: self.applied,
             home: self.home_switch.active(),
         };
-        let command = self.controller.step(measurement);
+        // The compiler knows where the controller lies, and would put each of its addresses together anew.
+        let command = black_box(&mut self.controller).step(measurement);
         self.applied = self.output.apply(&command);
 
         let record = self.controller.telemetry();

@@ -242,13 +242,15 @@ pub(crate) struct Instant<'l> {
     count: u32,
     applied_current: f64,
     plant: &'l Plant,
-    control: &'l dyn Control,
+    /// What the core found, in full.
+    record: &'l dyn Fn() -> Option<Record>,
     output: &'l ControlOutput,
     found: Option<Found<'l>>,
 }
 
 impl Instant<'_> {
     /// What figures are made of.
+    #[inline]
     pub(crate) fn seen(&self) -> Seen<'_> {
         Seen {
             time: self.time,
@@ -265,24 +267,31 @@ impl Instant<'_> {
             count: self.count,
             truth: self.plant.state().clone(),
             true_reaction_force: self.plant.reaction_force(),
-            reference: self.output.reference,
+            reference: self.reference(),
             applied_current: self.applied_current,
             command: self.output.current,
             limited: self.output.limited,
-            record: self.control.record(),
+            record: (self.record)(),
         }
+    }
+
+    /// m.
+    fn reference(&self) -> f64 {
+        let found = self.found.map(|found| f64::from(found.reference));
+        self.output.reference.or(found).unwrap_or_default()
     }
 }
 
 /// Closes the loop for a while, without allocating in it; the fault that stopped the drive, and when (s).
 ///
+/// * `control`: where its type is known, it is called without a detour
 /// * `plant`: what is there, and the control periods by which the current comes late
 /// * `look`: shown every control period
 ///
 /// # Errors
 /// [`Error::Simulation`] when the motion or a command is no longer finite.
 pub(crate) fn follow(
-    control: &mut dyn Control,
+    control: &mut (impl Control + ?Sized),
     (file, late): (&PlantFile, usize),
     scenario: &Scenario,
     time: Time,
@@ -292,9 +301,7 @@ pub(crate) fn follow(
     plant.start_from(&scenario.initial_state(plant.chain()));
     let mut fault = None;
     let mut applied_current = 0.0;
-    // One more than are on the way, so that the one that comes next has room.
-    let mut on_the_way = VecDeque::with_capacity(late + 1);
-    on_the_way.extend(std::iter::repeat_n(0.0, late));
+    let mut on_the_way: VecDeque<f64> = std::iter::repeat_n(0.0, late).collect();
     for k in 0..time.periods {
         let time = k as f64 * time.period;
         let count = plant.count();
@@ -308,13 +315,19 @@ pub(crate) fn follow(
             count,
             applied_current,
             plant: &plant,
-            control: &*control,
+            record: &|| control.record(),
             output: &output,
             found,
         });
         plant.enable(output.enable);
-        on_the_way.push_back(output.current);
-        plant.advance(on_the_way.pop_front().unwrap_or(output.current))?;
+        let arrived = match on_the_way.pop_front() {
+            None => output.current,
+            Some(first) => {
+                on_the_way.push_back(output.current);
+                first
+            }
+        };
+        plant.advance(arrived)?;
         applied_current = output.current;
     }
     Ok(fault)
@@ -328,8 +341,8 @@ pub(crate) struct ControlOutput {
     pub(crate) enable: bool,
     /// Whether the current limit acted.
     pub(crate) limited: bool,
-    /// m.
-    pub(crate) reference: f64,
+    /// m; none where what was [found](Control::found) says it.
+    pub(crate) reference: Option<f64>,
 }
 
 /// A control law in simulation.
@@ -438,6 +451,7 @@ impl Ask for Core<'_> {
 }
 
 impl Control for Core<'_> {
+    #[inline]
     fn step(&mut self, count: u32, _: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         let command = self.0.step(Measurement {
             count: Counts(count),
@@ -448,10 +462,11 @@ impl Control for Core<'_> {
             current: command.current.0.into(),
             enable: command.enable,
             limited: command.limited,
-            reference: self.0.found().reference.into(),
+            reference: None,
         })
     }
 
+    #[inline]
     fn found(&self) -> Option<Found<'_>> {
         Some(self.0.found())
     }
@@ -508,7 +523,7 @@ impl Control for FullState<'_> {
             current: limited.current.0.into(),
             enable: true,
             limited: limited.limited,
-            reference: reference.state[0],
+            reference: Some(reference.state[0]),
         })
     }
 }

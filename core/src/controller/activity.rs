@@ -16,8 +16,9 @@ use crate::rest::{self, Rest};
 use crate::standstill;
 use crate::units::{Current, Force, Place, Velocity};
 
-/// A mode with its memory.
+/// A mode with its memory. Which one is looked up several times in a period, and so has a byte of its own.
 #[derive(Clone, Debug)]
+#[repr(u8)]
 #[expect(
     clippy::large_enum_variant,
     reason = "there is no heap to put the larger one on"

@@ -31,7 +31,9 @@ impl ModelError {
     ///
     /// * `planned`: force of the plan, N
     pub(super) fn step(&self, memory: &mut f32, planned: f32) -> f32 {
-        *memory = (self.remembered * *memory).max(planned.abs());
+        let (faded, planned) = (self.remembered * *memory, planned.abs());
+        // A comparison where `f32::max` takes three.
+        *memory = if planned > faded { planned } else { faded };
         *memory
     }
 

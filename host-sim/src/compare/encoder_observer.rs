@@ -110,7 +110,7 @@ impl Control for EncoderObserver<'_> {
             current: limited.current.0.into(),
             enable: true,
             limited: limited.limited,
-            reference: led.state[0],
+            reference: Some(led.state[0]),
         })
     }
 }

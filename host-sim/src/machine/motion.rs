@@ -46,6 +46,8 @@ struct Rubbing {
     /// Of its velocity in the state.
     velocity: usize,
     dry: DryFriction,
+    /// Whether there is any.
+    any: bool,
     /// To 1 N on the mass, over a period and over a part.
     response: DVector<f64>,
     part_response: DVector<f64>,
@@ -76,6 +78,7 @@ impl Motion {
             };
             Rubbing {
                 velocity: 2 * mass + 1,
+                any: dry.any(),
                 dry,
                 response,
                 part_response,
@@ -118,6 +121,7 @@ impl Motion {
 
     /// One period under a held command, N: at once while all that rubs slides, in parts where it may turn
     /// round or stick.
+    #[inline]
     pub fn advance(&mut self, force: f64) {
         if !self.at_once(force) {
             self.in_parts(force, |_, _, _| ());
@@ -126,6 +130,7 @@ impl Motion {
 
     /// One period at once, if every mass with friction is too fast for its direction to change within it:
     /// faster than its velocity changes. Whether that was so; if not, nothing has moved.
+    #[inline]
     pub fn at_once(&mut self, force: f64) -> bool {
         if self.braked {
             return false;
@@ -140,6 +145,9 @@ impl Motion {
             }
         };
         let sliding = |rubbing: &Rubbing| {
+            if !rubbing.any {
+                return 0.0;
+            }
             let before = self.state[rubbing.velocity];
             rubbing.dry.sliding(before) * before.signum()
         };
@@ -159,7 +167,7 @@ impl Motion {
         }
         let slide = |rubbing: &Rubbing| {
             let velocity = rubbing.velocity;
-            rubbing.slides(self.state[velocity], self.next[velocity])
+            !rubbing.any || rubbing.slides(self.state[velocity], self.next[velocity])
         };
         let slides = self.frictions.iter().all(slide);
         if slides {
@@ -220,20 +228,19 @@ impl Motion {
         let mut several = 0;
         for rubbing in &mut self.frictions {
             rubbing.newton = 0.0;
-            several += usize::from(rubbing.dry.any());
+            several += usize::from(rubbing.any);
         }
-        several += usize::from(self.braked && !self.frictions[0].dry.any());
+        several += usize::from(self.braked && !self.frictions[0].any);
         for _ in 0..SWEEPS {
             let (mut change, mut largest) = (0.0_f64, 0.0_f64);
             for (number, rubbing) in self.frictions.iter_mut().enumerate() {
                 let dry = if self.braked && number == 0 {
                     DryFriction::coulomb(BRAKE)
-                } else {
+                } else if rubbing.any {
                     rubbing.dry
-                };
-                if !dry.any() {
+                } else {
                     continue;
-                }
+                };
                 let per_newton = rubbing.part_response[rubbing.velocity];
                 let before = self.state[rubbing.velocity];
                 let without = self.next[rubbing.velocity] - rubbing.newton * per_newton;
@@ -258,7 +265,7 @@ impl Rubbing {
         let change = (after - before).abs();
         let slowest = before.abs().min(after.abs());
         let fast = self.dry.breakaway == 0.0 || slowest > FAST * self.dry.stribeck_velocity;
-        !self.dry.any() || (change < slowest && fast)
+        change < slowest && fast
     }
 }
 

@@ -257,6 +257,7 @@ impl Meter {
     ///
     /// # Panics
     /// For a chain of more loads than a drive can have.
+    #[inline]
     pub(crate) fn look(&mut self, seen: &Seen<'_>) {
         let truth = seen.truth;
         if self.samples == 0 {
@@ -284,7 +285,10 @@ impl Meter {
             self.window += 1;
             self.offsets += off;
         }
-        self.peak_current = self.peak_current.max(seen.command.abs());
+        let current = seen.command.abs();
+        if current > self.peak_current {
+            self.peak_current = current;
+        }
         if let Some(found) = &seen.found {
             self.observed = true;
             let truth = truth.iter().step_by(2);

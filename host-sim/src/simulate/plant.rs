@@ -227,8 +227,16 @@ impl Reading {
     /// Counts from the origin.
     fn counts(&self, position: f64) -> i64 {
         let read = position + self.eccentricity.at(position) + self.noise;
-        (read / self.resolution).round() as i64
+        nearest(read / self.resolution)
     }
+}
+
+/// The nearest whole number, halves away from zero: as `f64::round`, which is a call on a PC that need not have an
+/// instruction for it.
+fn nearest(x: f64) -> i64 {
+    let whole = x as i64;
+    let rest = x - whole as f64;
+    whole.saturating_add(i64::from(rest >= 0.5) - i64::from(rest <= -0.5))
 }
 
 /// A plant in motion.
@@ -351,6 +359,7 @@ impl Plant {
     ///
     /// # Errors
     /// As [`advance`](Self::advance).
+    #[inline]
     pub fn advance_for(&mut self, current: f64, parts: u32) -> Result<()> {
         let current = current.clamp(-self.current_limit, self.current_limit);
         let motor = current * self.chain.force_constant;
@@ -380,7 +389,7 @@ impl Plant {
             let state = self.motion.state_mut();
             (state[0], state[1]) = (stop, state[1].max(0.0));
         }
-        if self.state().iter().all(|x| x.is_finite()) {
+        if self.state().as_slice().iter().all(|x| x.is_finite()) {
             Ok(())
         } else {
             Err(Error::Simulation(
@@ -628,6 +637,28 @@ mod tests {
             let far = (free.state()[0] - expected).abs();
             assert!(far < 2e-8, "{period}: {far}");
         }
+    }
+
+    #[test]
+    fn the_nearest_whole_number_is_that_of_round() {
+        let below_half = 0.5_f64.next_down();
+        for x in [
+            0.0,
+            0.5,
+            below_half,
+            1.5,
+            2.5,
+            1e3 + 0.49,
+            4503599627370497.5,
+            9.3e18,
+            1e300,
+        ] {
+            for x in [x, -x] {
+                assert_eq!(nearest(x), x.round() as i64, "{x}");
+            }
+        }
+        assert_eq!(nearest(f64::NAN), 0);
+        assert_eq!(nearest(f64::INFINITY), i64::MAX);
     }
 
     /// With a gap the load stands until the actuator has crossed half of it, however fast; then it is taken

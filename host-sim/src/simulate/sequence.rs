@@ -324,46 +324,56 @@ pub(super) fn follow_moves(
     time: Time,
     look: impl FnMut(&Instant<'_>),
 ) -> Result<Option<(f64, Fault)>> {
-    let control: Box<dyn Ask + '_> = match law {
-        Law::Core => Box::new(Core::new(design, file, &AT_THE_ORIGIN)?),
-        _ => Box::new(FullState::new(design, &AT_THE_ORIGIN)?),
-    };
-    let orders = sequence.moves.iter();
-    let mut control = InOrder {
-        control,
-        orders: orders
-            .map(|one| (one.at, Request::Move(one.place)))
-            .collect(),
-        period: 0,
-        stopped: false,
-    };
-    follow(&mut control, (file, 0), &AT_THE_ORIGIN, time, look)
+    let plant = (file, 0);
+    if law == Law::Core {
+        let core = Core::new(design, file, &AT_THE_ORIGIN)?;
+        let mut control = InOrder::new(core, sequence);
+        follow(&mut control, plant, &AT_THE_ORIGIN, time, look)
+    } else {
+        let full_state = FullState::new(design, &AT_THE_ORIGIN)?;
+        let mut control = InOrder::new(full_state, sequence);
+        follow(&mut control, plant, &AT_THE_ORIGIN, time, look)
+    }
 }
 
 /// A law that is asked for one thing after the other, until it stops itself.
-struct InOrder<'c> {
-    control: Box<dyn Ask + 'c>,
+struct InOrder<C> {
+    control: C,
     /// When, control periods, and for what.
     orders: VecDeque<(usize, Request)>,
     period: usize,
-    stopped: bool,
 }
 
-impl Control for InOrder<'_> {
+impl<C: Ask> InOrder<C> {
+    fn new(control: C, sequence: &MoveSequence) -> Self {
+        let orders = sequence.moves.iter();
+        let orders = orders.map(|one| (one.at, Request::Move(one.place)));
+        Self {
+            control,
+            orders: orders.collect(),
+            period: 0,
+        }
+    }
+
+    fn stopped(&self) -> bool {
+        let found = self.control.found();
+        found.is_some_and(|found| found.mode.fault().is_some())
+    }
+}
+
+impl<C: Ask> Control for InOrder<C> {
+    #[inline]
     fn step(&mut self, count: u32, truth: &DVector<f64>, applied: f64) -> Result<ControlOutput> {
         if let Some(&(at, request)) = self.orders.front()
             && at <= self.period
         {
             self.orders.pop_front();
-            if !self.stopped {
+            if !self.stopped() {
                 self.control.ask(request)?;
             }
         }
         self.period += 1;
-        let output = self.control.step(count, truth, applied)?;
-        let found = self.control.found();
-        self.stopped = found.is_some_and(|found| found.mode.fault().is_some());
-        Ok(output)
+        self.control.step(count, truth, applied)
     }
 
     fn found(&self) -> Option<Found<'_>> {

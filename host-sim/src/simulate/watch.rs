@@ -120,6 +120,7 @@ impl WatchMeter {
     }
 
     /// The next sample.
+    #[inline]
     pub(super) fn look(&mut self, seen: &Seen<'_>) {
         if self.samples < self.periods {
             self.experiment.look(seen);
