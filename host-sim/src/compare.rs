@@ -604,6 +604,7 @@ mod tests {
         // Per unit of time, and per unit of time squared.
         let (once, twice) = (1.0 * factor, factor * factor);
         drive.actuator.force_constant *= twice;
+        drive.friction.coulomb *= twice;
         for load in &mut drive.loads {
             load.stiffness *= twice;
             load.damping *= once;
@@ -630,6 +631,8 @@ mod tests {
         };
         let mut own = Drive::default_drive();
         own.motion = crate::drive::StatedMotion::default();
+        // How well friction that is not stated is seen at the start is a matter of seconds.
+        own.friction.coulomb = 0.1;
         let other = in_another_unit(&own, 10.0);
         let rows = [own, other].map(|drive| {
             let mut design = Design::new(&drive).unwrap();
