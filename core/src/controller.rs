@@ -625,7 +625,8 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
             if stopping.ended(&self.rest, reading, self.sample_time) {
                 return Ok(None);
             }
-            return self.stand(stopping.place, memory.target, estimate);
+            let off = self.encoder.distance(stopping.place, reading.place);
+            return self.stand(off, estimate);
         }
         let feedback = self.regulator.step(difference);
         let rule = self
@@ -721,9 +722,10 @@ impl<const N: usize, O: StateObserver<N>> Parts<'_, N, O> {
 
     /// The command that holds the machine at a place, whatever the move goes on to do.
     ///
-    /// * `estimate`: of the machine, relative to the target
-    fn stand(&self, place: Place, target: Place, mut estimate: Estimate<N>) -> Outcome {
-        estimate.position.0 += self.encoder.distance(place, target).0;
+    /// * `off`: where the actuator is, from there, as measured: what the target is worth by now is not known
+    /// * `estimate`: of the rest of the machine
+    fn stand(&self, off: Position, mut estimate: Estimate<N>) -> Outcome {
+        estimate.position = off;
         let feedback = self.regulator.step(&estimate);
         let compensation = estimate.disturbance.0 * self.current_per_force;
         self.limited(Current(feedback.0 + compensation))

@@ -645,6 +645,23 @@ fn every_limit_stops_the_drive() {
     }
 }
 
+/// A target that a disturbed memory moves away, however far, stops the drive where it is.
+#[test]
+fn a_target_that_is_far_away_at_once_is_not_run_to() {
+    for bit in 16..64 {
+        let mut controller = protected(|p| p.following_error = 0.05);
+        closed_loop(&mut controller, 0, 0.0, 100);
+        let Activity::Running(running) = &mut controller.activity else {
+            panic!("{:?}", controller.mode());
+        };
+        running.memory.as_mut().unwrap().target.0 ^= 1 << bit;
+        let commands = closed_loop(&mut controller, 0, 0.0, 500);
+        assert_eq!(controller.mode(), Mode::Fault(Fault::FollowingError));
+        let largest = commands.iter().map(|command| command.current.0.abs());
+        assert!(largest.fold(0.0, f32::max) < 0.05, "bit {bit}");
+    }
+}
+
 /// A drive that brakes shows its estimates, one that was stopped then does not.
 #[test]
 fn estimates_end_with_the_braking() {
